@@ -1,0 +1,10 @@
+//! Files in and out. Everything is written whole or not at all.
+
+pub mod gltf;
+pub mod image;
+pub mod npy;
+pub mod obj;
+pub mod scene_file;
+mod whole;
+
+pub use whole::write_whole;

@@ -1,0 +1,143 @@
+use glam::{DAffine3, DVec2, DVec3};
+
+use crate::{Error, Result};
+
+/// A half-line in world space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// Where it starts, in metres.
+    pub origin: DVec3,
+    /// Where it goes; of unit length.
+    pub direction: DVec3,
+}
+
+impl Ray {
+    /// The point at distance `t` metres.
+    pub fn at(&self, t: f64) -> DVec3 {
+        self.origin + self.direction * t
+    }
+}
+
+/// Which side of the picture the field of view is measured along.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FovAxis {
+    /// The width.
+    X,
+    /// The height, as in glTF.
+    #[default]
+    Y,
+}
+
+/// A pinhole camera; looks along −Z of its own space, +Y up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Camera {
+    world_from_camera: DAffine3,
+    camera_from_world: DAffine3,
+    size: [usize; 2],
+    /// Half the width and half the height of the image plane at distance 1.
+    half_extent: DVec2,
+}
+
+impl Camera {
+    /// The largest picture, in pixels a side.
+    pub const MAX_SIZE: usize = 16384;
+
+    /// A camera at `world_from_camera` (scale is ignored) with field of view `fov` in degrees
+    /// along `fov_axis` and a picture of `size` pixels, width first.
+    ///
+    /// Errors: [`Error::Value`] when the transform is singular, `fov` is not inside (0, 180) or a side is
+    /// not in 1..=16384.
+    pub fn new(world_from_camera: DAffine3, fov: f64, fov_axis: FovAxis, size: [usize; 2]) -> Result<Self> {
+        if !(fov > 0.0 && fov < 180.0) {
+            return Err(Error::value("fov", fov, "between 0 and 180 degrees"));
+        }
+        if size.iter().any(|&side| side == 0 || side > Self::MAX_SIZE) {
+            return Err(Error::value("size", format!("{size:?}"), "two whole numbers from 1 to 16384"));
+        }
+        let world_from_camera = without_scale(world_from_camera)?;
+        let (width, height) = (size[0] as f64, size[1] as f64);
+        let tangent = (0.5 * fov.to_radians()).tan();
+        let half_extent = match fov_axis {
+            FovAxis::X => DVec2::new(tangent, tangent * height / width),
+            FovAxis::Y => DVec2::new(tangent * width / height, tangent),
+        };
+        Ok(Self { world_from_camera, camera_from_world: world_from_camera.inverse(), size, half_extent })
+    }
+
+    /// Width and height of the picture in pixels.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// The eye, in world space.
+    pub fn position(&self) -> DVec3 {
+        self.world_from_camera.translation
+    }
+
+    /// The view ray through the point (x, y) of the picture, in pixels.
+    pub fn ray(&self, x: f64, y: f64) -> Ray {
+        let ndc = DVec2::new(2.0 * x / self.size[0] as f64 - 1.0, 1.0 - 2.0 * y / self.size[1] as f64);
+        let on_plane = (ndc * self.half_extent).extend(-1.0);
+        Ray {
+            origin: self.position(),
+            direction: self.world_from_camera.transform_vector3(on_plane).normalize(),
+        }
+    }
+
+    /// The view ray through the centre of a pixel.
+    pub fn pixel_ray(&self, x: usize, y: usize) -> Ray {
+        self.ray(x as f64 + 0.5, y as f64 + 0.5)
+    }
+
+    /// Where a world-space point appears in the picture, in pixels; none when it is not before the camera.
+    pub fn project(&self, point: DVec3) -> Option<DVec2> {
+        let p = self.camera_from_world.transform_point3(point);
+        if p.z >= 0.0 {
+            return None;
+        }
+        let ndc = DVec2::new(p.x, p.y) / -p.z / self.half_extent;
+        Some(DVec2::new((ndc.x + 1.0) * 0.5 * self.size[0] as f64, (1.0 - ndc.y) * 0.5 * self.size[1] as f64))
+    }
+}
+
+/// The rigid part of a transform: its rotation and translation.
+fn without_scale(transform: DAffine3) -> Result<DAffine3> {
+    let m = transform.matrix3;
+    let determinant = m.determinant();
+    let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
+    if !(transform.is_finite() && determinant.abs() > 1e-9 * volume && volume > 0.0) {
+        return Err(Error::value("to_world", "a singular transform", "invertible, with finite numbers"));
+    }
+    let x = m.x_axis.normalize();
+    let y = (m.y_axis - x * x.dot(m.y_axis)).normalize();
+    let z = x.cross(y) * determinant.signum();
+    Ok(DAffine3 { matrix3: glam::DMat3::from_cols(x, y, z), translation: transform.translation })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ray_through_a_pixel_projects_back_onto_it() -> Result<()> {
+        let eye = DAffine3::look_at_rh(DVec3::new(3.0, 2.0, 5.0), DVec3::ZERO, DVec3::Y).inverse();
+        let camera = Camera::new(eye, 50.0, FovAxis::X, [640, 360])?;
+        for (x, y) in [(0.0, 0.0), (320.0, 180.0), (17.5, 300.25)] {
+            let seen = camera.project(camera.ray(x, y).at(7.0)).unwrap_or_default();
+            assert!((seen - DVec2::new(x, y)).length() < 1e-9);
+        }
+        assert!(camera.project(camera.ray(1.0, 1.0).at(-1.0)).is_none());
+        Ok(())
+    }
+
+    #[test]
+    fn scale_is_ignored_and_singular_transforms_are_refused() -> Result<()> {
+        let scaled = DAffine3::from_scale(DVec3::new(2.0, 3.0, 4.0));
+        let camera = Camera::new(scaled, 60.0, FovAxis::Y, [4, 4])?;
+        assert!((camera.ray(2.0, 2.0).direction + DVec3::Z).length() < 1e-12);
+        assert!(Camera::new(DAffine3::ZERO, 60.0, FovAxis::Y, [4, 4]).is_err());
+        assert!(Camera::new(DAffine3::IDENTITY, f64::NAN, FovAxis::Y, [4, 4]).is_err());
+        assert!(Camera::new(DAffine3::IDENTITY, 60.0, FovAxis::Y, [0, 4]).is_err());
+        Ok(())
+    }
+}

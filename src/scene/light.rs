@@ -1,0 +1,86 @@
+use glam::{DMat3, DVec3};
+
+use super::Rgb;
+use crate::{Error, Result};
+
+/// A sun: parallel light, the same from infinity everywhere.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DirectionalLight {
+    /// Where the light goes (not where it comes from); of unit length.
+    pub direction: DVec3,
+    /// Radiance of the light before any gobo: the constant that a light map starts from.
+    pub radiance: Rgb,
+}
+
+impl DirectionalLight {
+    /// Errors: [`Error::Value`] for a zero or not finite direction, or a negative or not finite radiance.
+    pub fn new(direction: DVec3, radiance: Rgb) -> Result<Self> {
+        let unit = direction
+            .try_normalize()
+            .filter(|unit| unit.is_finite())
+            .ok_or_else(|| Error::value("direction", direction, "a finite direction that is not zero"))?;
+        if !radiance.iter().all(|&c| c.is_finite() && c >= 0.0) {
+            return Err(Error::value("radiance", format!("{radiance:?}"), "finite and not negative"));
+        }
+        Ok(Self { direction: unit, radiance })
+    }
+
+    /// The frame in which light maps and shadow maps of this light lie.
+    pub fn frame(&self) -> LightFrame {
+        LightFrame::along(self.direction)
+    }
+}
+
+/// An orthonormal frame (u, v, w) along a directional light.
+///
+/// w goes where the light goes; looking along it, u is right and v is down, so that a map with its
+/// row 0 at the least v is seen upright from the sun. Depth along w is the depth of shadow maps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightFrame {
+    light_from_world: DMat3,
+}
+
+impl LightFrame {
+    /// The frame along a unit `direction`. World +Y is up in it, or −Z where the light is vertical.
+    pub fn along(direction: DVec3) -> Self {
+        let up = if direction.y.abs() > 0.999 { DVec3::NEG_Z } else { DVec3::Y };
+        let u = direction.cross(up).normalize();
+        let v = direction.cross(u);
+        Self { light_from_world: DMat3::from_cols(u, v, direction).transpose() }
+    }
+
+    /// (u, v, w) of a world-space point or direction, in metres.
+    pub fn light_from_world(&self, vector: DVec3) -> DVec3 {
+        self.light_from_world * vector
+    }
+
+    /// The world-space point or direction at (u, v, w).
+    pub fn world_from_light(&self, vector: DVec3) -> DVec3 {
+        self.light_from_world.transpose() * vector
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_frame_is_right_handed_with_down_as_its_second_axis() {
+        for direction in [DVec3::new(1.0, -2.0, 0.5), DVec3::NEG_Y, DVec3::Y, DVec3::X, DVec3::NEG_Z] {
+            let frame = LightFrame::along(direction.normalize());
+            let axis = |v: DVec3| frame.world_from_light(v);
+            assert!((axis(DVec3::X).cross(axis(DVec3::Y)) - axis(DVec3::Z)).length() < 1e-12);
+            assert!((axis(DVec3::Z) - direction.normalize()).length() < 1e-12);
+            assert!(axis(DVec3::Y).y <= 1e-12, "v goes down for {direction}");
+            let p = DVec3::new(0.3, -4.0, 2.0);
+            assert!((frame.world_from_light(frame.light_from_world(p)) - p).length() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn lights_without_direction_are_refused() {
+        assert!(DirectionalLight::new(DVec3::ZERO, [1.0; 3]).is_err());
+        assert!(DirectionalLight::new(DVec3::new(f64::NAN, 0.0, 1.0), [1.0; 3]).is_err());
+        assert!(DirectionalLight::new(DVec3::X, [-1.0, 0.0, 0.0]).is_err());
+    }
+}

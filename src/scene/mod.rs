@@ -1,0 +1,62 @@
+//! Plain data of a scene: what there is, where it is, and what has been painted.
+//!
+//! World space is right-handed, in metres; cameras look along −Z with +Y up (glTF). Radiance is
+//! linear Rec. 709. Pixel (0, 0) is the top left one and its centre is at (0.5, 0.5).
+
+mod camera;
+mod geometry;
+mod grid;
+mod image;
+mod light;
+mod medium;
+mod mesh;
+mod primitive;
+mod settings;
+mod shadow_map;
+mod strokes;
+mod view;
+
+pub use camera::{Camera, FovAxis, Ray};
+pub use geometry::{Geometry, Hit};
+pub use grid::{Extent, Grid};
+pub use image::{Image, RgbaImage};
+pub use light::{DirectionalLight, LightFrame};
+pub use medium::Medium;
+pub use mesh::{AlphaMask, Material, Mesh, Wrap};
+pub use primitive::Primitive;
+pub use settings::{
+    Basis, MapSettings, Quadrature, Regularization, SolveSettings, SolverName, Strategy, Target,
+};
+pub use shadow_map::ShadowMap;
+pub use strokes::Stroke;
+pub use view::View;
+
+/// One colour or one value a channel: linear Rec. 709.
+pub type Rgb = [f32; 3];
+
+/// Everything that a light-map solve starts from.
+#[derive(Debug)]
+pub struct Scene {
+    /// What the scene is called in titles and reports.
+    pub name: String,
+    /// The sun.
+    pub light: DirectionalLight,
+    /// The air.
+    pub medium: Medium,
+    /// What casts shadows and what the views see.
+    pub geometry: Geometry,
+    /// Radiance of the sky behind everything, and the light that surfaces get from everywhere.
+    pub ambient: Rgb,
+    /// Cameras and what is painted on their pictures.
+    pub views: Vec<View>,
+    /// Resolution, extent and basis of the light map.
+    pub light_map: MapSettings,
+    /// Resolution and extent of the shadow map.
+    pub shadow_map: MapSettings,
+    /// What a painted colour means.
+    pub target: Target,
+    /// How the problem is solved.
+    pub solve: SolveSettings,
+    /// Stops by which PNG pictures are brightened; EXR pictures hold radiance as it is.
+    pub exposure: f64,
+}

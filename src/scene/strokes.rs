@@ -1,0 +1,16 @@
+use super::Rgb;
+
+/// One painted stroke: a polyline with round caps and joins.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stroke {
+    /// Points in pixels of the view; one point is a dab.
+    pub points: Vec<[f32; 2]>,
+    /// Half the width in pixels.
+    pub radius: f32,
+    /// 1: a hard edge; 0: weight falls off linearly from the middle to the edge.
+    pub hardness: f32,
+    /// Weight of the constraint in the middle of the stroke, in (0, 1].
+    pub opacity: f32,
+    /// The desired colour, linear.
+    pub color: Rgb,
+}

@@ -1,0 +1,14 @@
+use super::{Camera, RgbaImage, Stroke};
+
+/// A camera and what has been painted on its picture.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// Unique in the scene; names the result files of the view.
+    pub name: String,
+    /// Where it looks from, and the size of its picture.
+    pub camera: Camera,
+    /// Strokes, painted in this order over the layers.
+    pub strokes: Vec<Stroke>,
+    /// Painted layers of the view's size, from the bottom up.
+    pub layers: Vec<RgbaImage>,
+}
