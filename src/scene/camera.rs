@@ -135,7 +135,7 @@ mod tests {
         let scaled = DAffine3::from_scale(DVec3::new(2.0, 3.0, 4.0));
         let camera = Camera::new(scaled, 60.0, FovAxis::Y, [4, 4])?;
         assert!((camera.ray(2.0, 2.0).direction + DVec3::Z).length() < 1e-12);
-        assert!(Camera::new(DAffine3::ZERO, 60.0, FovAxis::Y, [4, 4]).is_err());
+        assert!(Camera::new(DAffine3::from_scale(DVec3::ZERO), 60.0, FovAxis::Y, [4, 4]).is_err());
         assert!(Camera::new(DAffine3::IDENTITY, f64::NAN, FovAxis::Y, [4, 4]).is_err());
         assert!(Camera::new(DAffine3::IDENTITY, 60.0, FovAxis::Y, [0, 4]).is_err());
         Ok(())
