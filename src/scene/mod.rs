@@ -16,7 +16,7 @@ mod shadow_map;
 mod strokes;
 mod view;
 
-pub use camera::{Camera, FovAxis, Ray};
+pub use camera::{Camera, FovAxis, Ray, look_at};
 pub use geometry::{Geometry, Hit};
 pub use grid::{Extent, Grid};
 pub use image::{Image, RgbaImage};
