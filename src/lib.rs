@@ -1,9 +1,13 @@
 //! Inverse rendering of light in media.
 
+pub mod cpu;
 mod error;
 pub mod io;
+pub mod march;
+pub mod operator;
 pub mod problem;
 pub mod report;
 pub mod scene;
+pub mod sparse;
 
 pub use error::{Error, Fault, Result};

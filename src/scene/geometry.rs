@@ -46,3 +46,13 @@ impl Geometry {
         self.first_hit(ray, limit).is_some()
     }
 }
+
+impl Geometry {
+    /// Least and largest depth of everything along a light, in metres; none for open air.
+    pub fn depths(&self, frame: &super::LightFrame) -> Option<[f64; 2]> {
+        let depths = self.mesh.positions.iter().map(|&p| frame.light_from_world(p).z);
+        depths.fold(None, |range: Option<[f64; 2]>, z| {
+            Some(range.map_or([z, z], |[least, largest]| [least.min(z), largest.max(z)]))
+        })
+    }
+}

@@ -5,3 +5,6 @@
     clippy::panic,
     reason = "a test that cannot go on should stop"
 )]
+
+mod scenes;
+mod traversal;

@@ -1,0 +1,97 @@
+use std::ops::Range;
+
+/// Elements a block: bands begin and end at multiples of it.
+const BLOCK: usize = 64;
+/// Bands at most: enough for the threads of a workstation to balance.
+const MOST: usize = 32;
+
+/// The elements cut into ranges of about equal work.
+///
+/// A scatter gives each band to one task, which alone writes to it and meets the rows in their order:
+/// no atomics, no private copies, the same sums for any number of threads.
+#[derive(Debug, Clone)]
+pub(super) struct Bands {
+    ranges: Vec<Range<usize>>,
+    of_block: Vec<u8>,
+}
+
+impl Bands {
+    /// Bands over elements whose blocks were visited as often as `visits` says.
+    pub(super) fn balanced(elements: usize, visits: &[u64]) -> Self {
+        let blocks = elements.div_ceil(BLOCK);
+        let visits_of = |block: usize| visits.get(block).copied().unwrap_or(0);
+        let total: u64 = visits.iter().sum();
+        let share = (total / MOST as u64).max(1);
+        let (mut ranges, mut of_block) = (Vec::new(), Vec::with_capacity(blocks));
+        let (mut start, mut sum) = (0, 0);
+        for block in 0..blocks {
+            of_block.push(ranges.len() as u8);
+            sum += visits_of(block);
+            if sum >= share && ranges.len() + 1 < MOST {
+                ranges.push(start..(block + 1) * BLOCK);
+                (start, sum) = ((block + 1) * BLOCK, 0);
+            }
+        }
+        match ranges.last_mut() {
+            Some(last) if start >= elements => last.end = elements,
+            _ => ranges.push(start..elements),
+        }
+        Self { ranges, of_block }
+    }
+
+    /// In which block an element lies, for counting visits.
+    pub(super) fn block_of(element: usize) -> usize {
+        element / BLOCK
+    }
+
+    /// The number of blocks of so many elements.
+    pub(super) fn blocks(elements: usize) -> usize {
+        elements.div_ceil(BLOCK)
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.ranges.len()
+    }
+
+    pub(super) fn of(&self, element: u32) -> usize {
+        usize::from(self.of_block[element as usize / BLOCK])
+    }
+
+    /// A slice over all elements, cut into its bands.
+    pub(super) fn split<'a, T>(&self, mut values: &'a mut [T]) -> Vec<(Range<usize>, &'a mut [T])> {
+        let mut parts = Vec::with_capacity(self.ranges.len());
+        for range in &self.ranges {
+            let (band, rest) = values.split_at_mut(range.len());
+            parts.push((range.clone(), band));
+            values = rest;
+        }
+        parts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bands_cover_every_element_once_and_know_their_own() {
+        for elements in [1, 63, 64, 65, 1000, 64 * 40, 64 * 40 + 1] {
+            for seed in 0..5u64 {
+                let visits: Vec<u64> = (0..Bands::blocks(elements) as u64)
+                    .map(|block| (block * 7919 + seed) % 13 * seed)
+                    .collect();
+                let bands = Bands::balanced(elements, &visits);
+                let mut values = vec![0u8; elements];
+                let mut next = 0;
+                for (number, (range, band)) in bands.split(&mut values).into_iter().enumerate() {
+                    assert_eq!(range.start, next);
+                    assert_eq!(range.len(), band.len());
+                    assert!(range.clone().all(|element| bands.of(element as u32) == number));
+                    next = range.end;
+                }
+                assert_eq!(next, elements);
+                assert!(bands.len() <= MOST);
+            }
+        }
+    }
+}

@@ -1,0 +1,215 @@
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::bands::Bands;
+use super::rows::{CHUNK, Chunk};
+use crate::march::{Real, Traversal, channel};
+use crate::operator::{CpuVector, LinearOperator, Vector, expect_len};
+use crate::scene::Strategy;
+use crate::{Error, Result};
+
+/// Rows that are walked to foresee how long the others are.
+const SAMPLES: usize = 4096;
+/// Memory for rows that are walked anew by a scatter, in bytes: small enough to stay near the processor.
+const WALKED_AT_ONCE: u64 = 24 << 20;
+
+/// What walking the rows of a traversal will take, foreseen from a sample of them.
+#[derive(Debug, Clone)]
+pub struct WalkPlan {
+    bands: Bands,
+    /// Foreseen number of non-zeros.
+    pub nonzeros: u64,
+    /// Bytes that keeping all non-zeros would take.
+    pub bytes: u64,
+}
+
+impl WalkPlan {
+    /// Walks every few rows of a traversal.
+    pub fn new<F: Real, const C: usize>(traversal: &impl Traversal<f64, C>) -> Self {
+        let (rows, elements) = (traversal.rows(), traversal.elements());
+        let stride = rows.div_ceil(SAMPLES).max(1);
+        let sampled: Vec<usize> = (0..rows).step_by(stride).collect();
+        let counts: Vec<Vec<u64>> = sampled
+            .par_chunks(256)
+            .map(|rows| {
+                let mut visits = vec![0u64; Bands::blocks(elements)];
+                for &row in rows {
+                    traversal.walk(row, &mut |element, _| visits[Bands::block_of(element)] += 1);
+                }
+                visits
+            })
+            .collect();
+        let mut visits = vec![0u64; Bands::blocks(elements)];
+        counts
+            .iter()
+            .flat_map(|count| count.iter().enumerate())
+            .for_each(|(block, count)| visits[block] += count);
+        let bands = Bands::balanced(elements, &visits);
+        let per_row = visits.iter().sum::<u64>() as f64 / sampled.len().max(1) as f64;
+        let nonzeros = (per_row * rows as f64).ceil();
+        let bytes = nonzeros * size_of::<(u32, [F; C])>() as f64 + (rows * bands.len() * 4) as f64;
+        Self { bands, nonzeros: nonzeros as u64, bytes: bytes as u64 }
+    }
+}
+
+/// How much of an operator is kept and how much is walked again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Storage {
+    /// Rows whose non-zeros are kept.
+    pub kept_rows: usize,
+    /// Rows that are walked in every application.
+    pub walked_rows: usize,
+    /// Non-zeros of the kept rows.
+    pub kept_nonzeros: u64,
+    /// Bytes that the kept rows take.
+    pub bytes: u64,
+}
+
+/// `T` of a traversal as an operator: kept where memory allows, walked again where not.
+///
+/// Shapes  x: [elements], y: [rows], three channels each
+/// Law     ⟨T x, y⟩ = ⟨x, Tᵀ y⟩, held by tests/suite/operator.rs
+/// Cost    one multiplication a non-zero that is kept, one walk a row that is not; bit-identical for any
+///         number of threads
+#[derive(Debug)]
+pub struct Transport<T, F, const C: usize> {
+    traversal: T,
+    bands: Bands,
+    kept: Vec<Chunk<F, C>>,
+    /// Rows from here on are walked.
+    first_walked: usize,
+    /// Rows that a scatter walks before it adds them up.
+    rows_at_once: usize,
+}
+
+impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
+    /// Keeps as many rows as `strategy` and the `budget` in bytes ask for.
+    ///
+    /// Errors: [`Error::TooLarge`] when all rows must be kept and do not fit.
+    pub fn new(traversal: T, plan: &WalkPlan, strategy: Strategy, budget: u64) -> Result<Self> {
+        let rows = traversal.rows();
+        let kept_rows = match strategy {
+            Strategy::MatrixFree => 0,
+            _ if plan.bytes <= budget => rows,
+            Strategy::Assembled => {
+                return Err(Error::TooLarge {
+                    what: "the assembled transport".to_owned(),
+                    needed: format!("{} bytes", plan.bytes),
+                    limit: format!("{budget} bytes"),
+                    remedy: "raise --memory, lower the sizes, or choose the strategy `auto` or `matrix-free`",
+                });
+            }
+            Strategy::Auto => (rows as f64 * budget as f64 / plan.bytes as f64) as usize / CHUNK * CHUNK,
+        };
+        let bytes_a_row = plan.bytes / rows.max(1) as u64 + 1;
+        let rows_at_once = (WALKED_AT_ONCE / bytes_a_row) as usize / CHUNK * CHUNK;
+        let mut transport = Self {
+            traversal,
+            bands: plan.bands.clone(),
+            kept: Vec::new(),
+            first_walked: kept_rows,
+            rows_at_once: rows_at_once.max(4 * CHUNK),
+        };
+        transport.kept = transport.walk_chunks(0..kept_rows);
+        Ok(transport)
+    }
+
+    /// What is walked.
+    pub fn traversal(&self) -> &T {
+        &self.traversal
+    }
+
+    /// What is kept.
+    pub fn storage(&self) -> Storage {
+        Storage {
+            kept_rows: self.first_walked,
+            walked_rows: self.traversal.rows() - self.first_walked,
+            kept_nonzeros: self.kept.iter().map(|chunk| chunk.nonzeros() as u64).sum(),
+            bytes: self.kept.iter().map(|chunk| chunk.bytes() as u64).sum(),
+        }
+    }
+
+    /// diag(Tᵀ diag(y) T): with constraint weights for y the coverage, and the diagonal of the normal matrix.
+    pub fn squares(&self, y: &CpuVector<F>) -> Result<CpuVector<F>> {
+        expect_len("the weights", y, self.traversal.rows())?;
+        let mut x = self.domain();
+        self.scatter_with(&mut x, |chunk, band, first, x| chunk.squares(band, &y.0, first, x));
+        Ok(x)
+    }
+
+    fn walk_chunks(&self, rows: Range<usize>) -> Vec<Chunk<F, C>> {
+        let starts: Vec<usize> = rows.clone().step_by(CHUNK).collect();
+        starts
+            .into_par_iter()
+            .map(|start| Chunk::walk(&self.traversal, start..(start + CHUNK).min(rows.end), &self.bands))
+            .collect()
+    }
+
+    /// Sends every chunk, kept or walked for the purpose, to every band of x.
+    fn scatter_with(
+        &self,
+        x: &mut CpuVector<F>,
+        scatter: impl Fn(&Chunk<F, C>, usize, usize, &mut [[F; 3]]) + Sync,
+    ) {
+        x.fill([0.0; 3]);
+        let add = |chunks: &[Chunk<F, C>], x: &mut CpuVector<F>| {
+            self.bands.split(&mut x.0).into_par_iter().enumerate().for_each(|(band, (range, x))| {
+                chunks.iter().for_each(|chunk| scatter(chunk, band, range.start, x));
+            });
+        };
+        add(&self.kept, x);
+        let rows = self.traversal.rows();
+        for start in (self.first_walked..rows).step_by(self.rows_at_once) {
+            add(&self.walk_chunks(start..(start + self.rows_at_once).min(rows)), x);
+        }
+    }
+}
+
+impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport<T, F, C> {
+    type Domain = CpuVector<F>;
+    type Range = CpuVector<F>;
+
+    fn domain(&self) -> CpuVector<F> {
+        CpuVector::zeros(self.traversal.elements())
+    }
+
+    fn range(&self) -> CpuVector<F> {
+        CpuVector::zeros(self.traversal.rows())
+    }
+
+    fn apply(&self, x: &CpuVector<F>, y: &mut CpuVector<F>) -> Result<()> {
+        expect_len("x", x, self.traversal.elements())?;
+        expect_len("y", y, self.traversal.rows())?;
+        let (kept, walked) = y.0.split_at_mut(self.first_walked);
+        kept.par_chunks_mut(CHUNK).zip(&self.kept).for_each(|(y, chunk)| chunk.gather(&x.0, y));
+        walked.par_chunks_mut(CHUNK).enumerate().for_each(|(index, y)| {
+            let first = self.first_walked + index * CHUNK;
+            y.iter_mut().enumerate().for_each(|(local, y)| *y = gather(&self.traversal, first + local, &x.0));
+        });
+        Ok(())
+    }
+
+    fn apply_adjoint(&self, y: &CpuVector<F>, x: &mut CpuVector<F>) -> Result<()> {
+        expect_len("x", x, self.traversal.elements())?;
+        expect_len("y", y, self.traversal.rows())?;
+        self.scatter_with(x, |chunk, band, first, x| chunk.scatter(band, &y.0, first, x));
+        Ok(())
+    }
+}
+
+/// One element of T x, walked.
+pub(crate) fn gather<F: Real, const C: usize>(
+    traversal: &impl Traversal<f64, C>,
+    row: usize,
+    x: &[[F; 3]],
+) -> [F; 3] {
+    let mut sum = [0.0_f64; 3];
+    traversal.walk(row, &mut |element, weight| {
+        let x = x[element];
+        for c in 0..3 {
+            sum[c] += F::of(channel(&weight, c)).wide() * x[c].wide();
+        }
+    });
+    sum.map(F::of)
+}

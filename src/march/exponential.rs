@@ -1,0 +1,90 @@
+//! Closed forms of `∫ σ e^{−σt} tᵏ dt` that keep their digits in thin and in thick media.
+
+use super::Real;
+
+/// `M₀ = ∫₀¹ s e^{−su} du = 1 − e^{−s}`: the part of the light that is extinguished over optical depth `s`.
+#[inline(always)]
+pub(super) fn extinguished<F: Real>(s: F) -> F {
+    -(-s).exp_m1()
+}
+
+/// `[M₀, M₁, M₂]` with `Mₖ = ∫₀¹ s e^{−su} uᵏ du`, for `s ≥ 0`.
+///
+/// For small s, M₂ is summed as its series and the others follow from the recurrence
+/// `s Mₖ = k Mₖ₋₁ − s e^{−s}` run downwards, where every term is positive, so nothing cancels.
+/// Errors: relative 1e-14 in f64.
+#[inline(always)]
+pub(super) fn moments<F: Real>(s: F) -> [F; 3] {
+    if s >= F::of(0.5) {
+        let left = (-s).exp();
+        let m0 = extinguished(s);
+        let m1 = (m0 - s * left) / s;
+        return [m0, m1, (m1 + m1 - s * left) / s];
+    }
+    let m2 = if s < F::of(1.0 / 64.0) { series::<F, 6>(s) } else { series::<F, 13>(s) };
+    let half = F::of(0.5);
+    let m0 = (s + half * s * s * (F::one() + m2)) / (F::one() + s + half * s * s);
+    [m0, half * s * (m2 + F::one() - m0), m2]
+}
+
+/// `M₂ = Σₙ (−1)ⁿ sⁿ⁺¹ / (n! (n + 3))`, the first `N` terms by Horner's rule.
+#[inline(always)]
+fn series<F: Real, const N: usize>(s: F) -> F {
+    let mut sum = F::of(SERIES[N - 1]);
+    for n in (0..N - 1).rev() {
+        sum = F::of(SERIES[n]) - s * sum;
+    }
+    s * sum
+}
+
+/// `1 / (n! (n + 3))`.
+const SERIES: [f64; 13] = {
+    let mut terms = [0.0; 13];
+    let (mut n, mut factorial) = (0, 1.0);
+    while n < terms.len() {
+        terms[n] = 1.0 / (factorial * (n + 3) as f64);
+        n += 1;
+        factorial *= n as f64;
+    }
+    terms
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gauss–Legendre with 5 points on 64 panels: exact to rounding for these smooth integrands.
+    fn quadrature(s: f64, k: i32) -> f64 {
+        const NODES: [(f64, f64); 5] = [
+            (0.0, 128.0 / 225.0),
+            (0.538_469_310_105_683, 0.478_628_670_499_366_5),
+            (-0.538_469_310_105_683, 0.478_628_670_499_366_5),
+            (0.906_179_845_938_664, 0.236_926_885_056_189_1),
+            (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
+        ];
+        let panels = 64;
+        let mut sum = 0.0;
+        for panel in 0..panels {
+            for (node, weight) in NODES {
+                let u = (panel as f64 + 0.5 + 0.5 * node) / panels as f64;
+                sum += 0.5 * weight / panels as f64 * s * (-s * u).exp() * u.powi(k);
+            }
+        }
+        sum
+    }
+
+    #[test]
+    fn moments_agree_with_quadrature_in_thin_and_thick_media() {
+        for exponent in -40..=14 {
+            let s = 2f64.powf(0.5 * f64::from(exponent));
+            for (k, moment) in moments(s).into_iter().enumerate() {
+                let truth = quadrature(s, k as i32);
+                assert!((moment / truth - 1.0).abs() < 2e-14, "M{k}({s}) = {moment}, not {truth}");
+                let single = f64::from(moments(s as f32)[k]);
+                assert!((single / truth - 1.0).abs() < 2e-6, "M{k}({s}) = {single} in f32, not {truth}");
+            }
+            assert!((extinguished(s) / quadrature(s, 0) - 1.0).abs() < 1e-14);
+        }
+        assert_eq!(moments(0.0_f64), [0.0; 3]);
+    }
+}

@@ -1,0 +1,293 @@
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+
+use super::basis::{Bilinear, Nearest, Piece, Window};
+use super::visibility::{ShadowRay, clip};
+use super::{Real, Traversal, Weight};
+use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray, ShadowMap};
+
+/// A view ray in the frame of the light, up to the first surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewRay {
+    /// The eye, (u, v, w) in metres.
+    pub origin: DVec3,
+    /// Unit direction.
+    pub direction: DVec3,
+    /// Distance to the first surface in metres; infinite where there is none.
+    pub length: f64,
+    /// Scattering factor ρ f(θ) a channel, constant along the ray because the light is parallel.
+    pub scattering: [f64; 3],
+}
+
+impl ViewRay {
+    /// The ray in the frame of a light whose light travels along the frame's third axis.
+    pub fn new(ray: &Ray, length: f64, frame: &LightFrame, medium: &Medium) -> Self {
+        let direction = frame.light_from_world(ray.direction);
+        // Light that travels along +w leaves towards the eye, against the view ray.
+        let phase = medium.phase(-direction.z);
+        Self {
+            origin: frame.light_from_world(ray.origin),
+            direction,
+            length,
+            scattering: medium.albedo.map(|albedo| albedo * phase),
+        }
+    }
+}
+
+/// What all rays of a light-map problem share.
+#[derive(Debug, Clone)]
+pub struct LightMapTransport {
+    /// Extinction σ_t a channel, in 1/metre.
+    pub sigma_t: [f64; 3],
+    /// Which points are lit.
+    pub shadow_map: Arc<ShadowMap>,
+    /// Where the texels of the light map lie.
+    pub light_map: Grid,
+    /// What lies between their values.
+    pub basis: Basis,
+    /// How the integral is taken.
+    pub quadrature: Quadrature,
+    /// Transmittance at which the rest of a ray is skipped.
+    pub transmittance_bound: f64,
+}
+
+/// The traversal of view rays through light map and shadow map together.
+///
+/// Row k holds for texel i the weight `ρ f(θ) ∫₀ˢ σ_t e^{−σ_t t} V(t) vᵢ(t) dt`, with V the shadow map's
+/// visibility and vᵢ the basis (Kol 2017, eq. 1, with the σ_t and the step length that its `T[k, j]` leaves out).
+///
+/// Shapes  rows: view rays; elements: texels of the light map, row by row
+/// Units   weights: dimensionless a steradian (radiance of the picture per radiance of the map)
+/// Cost    one cell of the light map after the other along the lit stretches of a ray
+#[derive(Debug, Clone)]
+pub struct LightMapTraversal {
+    transport: LightMapTransport,
+    rays: Arc<[ViewRay]>,
+}
+
+impl LightMapTraversal {
+    /// The rows of `rays`.
+    pub fn new(transport: LightMapTransport, rays: Arc<[ViewRay]>) -> Self {
+        Self { transport, rays }
+    }
+
+    /// The rays, one a row.
+    pub fn rays(&self) -> &[ViewRay] {
+        &self.rays
+    }
+
+    /// What the rays share.
+    pub fn transport(&self) -> &LightMapTransport {
+        &self.transport
+    }
+
+    /// The weight of all light on a row, inside and outside the light map: the row sum of an unbounded map.
+    ///
+    /// It walks lit stretches only, so a picture under constant light costs no walk through texels.
+    pub fn lit_weight(&self, row: usize) -> [f64; 3] {
+        self.weight_between(&self.rays[row], 0.0, self.end(&self.rays[row]))
+    }
+
+    /// The weight of light that reaches the row from outside the light map.
+    pub fn surrounding_weight(&self, row: usize) -> [f64; 3] {
+        let (ray, end) = (&self.rays[row], self.end(&self.rays[row]));
+        match self.transport.inside(ray, end) {
+            None => self.weight_between(ray, 0.0, end),
+            Some([enter, leave]) => {
+                let (before, after) =
+                    (self.weight_between(ray, 0.0, enter), self.weight_between(ray, leave, end));
+                std::array::from_fn(|c| before[c] + after[c])
+            }
+        }
+    }
+
+    /// Where the rest of a ray no longer counts.
+    fn end(&self, ray: &ViewRay) -> f64 {
+        ray.length.min(self.transport.reach())
+    }
+
+    fn weight_between(&self, ray: &ViewRay, a: f64, b: f64) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        if a < b {
+            let sigma_t = self.transport.sigma_t;
+            self.transport.shadow_ray::<f64>(ray).lit_stretches(a, b, |start, end| {
+                for c in 0..3 {
+                    let entering = (-sigma_t[c] * start).exp();
+                    sum[c] += entering * super::exponential::extinguished(sigma_t[c] * (end - start));
+                }
+            });
+        }
+        std::array::from_fn(|c| ray.scattering[c] * sum[c])
+    }
+}
+
+impl<F: Real, const C: usize> Traversal<F, C> for LightMapTraversal {
+    fn rows(&self) -> usize {
+        self.rays.len()
+    }
+
+    fn elements(&self) -> usize {
+        self.transport.light_map.len()
+    }
+
+    #[inline]
+    fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
+        let ray = &self.rays[row];
+        match self.transport.basis {
+            Basis::Nearest => self.transport.walk::<F, C, Nearest<F, C>>(ray, self.end(ray), visit),
+            Basis::Bilinear => self.transport.walk::<F, C, Bilinear<F, C>>(ray, self.end(ray), visit),
+        }
+    }
+}
+
+impl LightMapTransport {
+    /// The distance at which the clearest channel's transmittance is the bound, in metres.
+    fn reach(&self) -> f64 {
+        -self.transmittance_bound.ln() / self.sigma_t.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// The part of [0, end] that lies over the light map.
+    fn inside(&self, ray: &ViewRay, end: f64) -> Option<[f64; 2]> {
+        let cells = CellRay::<f64>::new(ray, &self.light_map, 0.0, 0);
+        clip(cells.origin, cells.slope, self.light_map.size.map(|side| side as f64), 0.0, end)
+    }
+
+    fn shadow_ray<F: Real>(&self, ray: &ViewRay) -> ShadowRay<'_, F> {
+        let grid = self.shadow_map.grid();
+        let [origin, slope] = grid_ray(ray, grid);
+        ShadowRay {
+            map: &self.shadow_map,
+            origin: [F::of(origin.x), F::of(origin.y)],
+            slope: [F::of(slope.x), F::of(slope.y)],
+            depth: F::of(ray.origin.z - self.shadow_map.depth_origin()),
+            depth_slope: F::of(ray.direction.z),
+        }
+    }
+
+    #[inline]
+    fn walk<F: Real, const C: usize, W: Window<F, C>>(
+        &self,
+        ray: &ViewRay,
+        end: f64,
+        visit: &mut impl FnMut(usize, Weight<F, C>),
+    ) {
+        let Some([enter, leave]) = self.inside(ray, end) else { return };
+        let sigma_t: [F; C] = std::array::from_fn(|c| F::of(self.sigma_t[c]));
+        let scattering: [F; C] = std::array::from_fn(|c| F::of(ray.scattering[c]));
+        let at = |t: F| std::array::from_fn(|c| scattering[c] * (-sigma_t[c] * t).exp());
+        let cells = CellRay::<F>::new(ray, &self.light_map, W::SHIFT, W::EXTRA);
+        let mut window = W::new(self.light_map.size);
+        self.shadow_ray(ray).lit_stretches(F::of(enter), F::of(leave), |a, b| match self.quadrature {
+            Quadrature::Exact => {
+                let mut strength: [F; C] = at(a);
+                cells.pieces(a, b, |piece, length| {
+                    let s = sigma_t.map(|sigma| sigma * length);
+                    let extinguished = window.integrate(piece, s, strength, visit);
+                    for c in 0..C {
+                        strength[c] = strength[c] * (F::one() - extinguished[c]);
+                    }
+                });
+            }
+            Quadrature::March { steps } => {
+                let step = F::of(leave / f64::from(steps));
+                let index = |t: F| (t / step - F::of(0.5)).ceil().max(F::zero()).wide() as u32;
+                for j in index(a)..index(b).min(steps) {
+                    let t = (F::of(f64::from(j)) + F::of(0.5)) * step;
+                    let strength: [F; C] = at(t);
+                    let strength = std::array::from_fn(|c| strength[c] * sigma_t[c] * step);
+                    window.sample(&cells.at(t), strength, visit);
+                }
+            }
+        });
+        window.finish(visit);
+    }
+}
+
+/// Position in a grid at t = 0 and its change a metre.
+fn grid_ray(ray: &ViewRay, grid: &Grid) -> [DVec2; 2] {
+    let slope = DVec2::new(ray.direction.x, ray.direction.y) * grid.density();
+    [grid.grid_from_light(DVec2::new(ray.origin.x, ray.origin.y)), slope]
+}
+
+/// A ray in cells of the basis.
+struct CellRay<F> {
+    origin: [F; 2],
+    slope: [F; 2],
+    /// 1 / slope; infinite where the slope is zero.
+    inverse: [F; 2],
+    last: [usize; 2],
+}
+
+impl<F: Real> CellRay<F> {
+    fn new(ray: &ViewRay, grid: &Grid, shift: f64, extra: usize) -> Self {
+        let [origin, slope] = grid_ray(ray, grid);
+        Self {
+            origin: [F::of(origin.x + shift), F::of(origin.y + shift)],
+            slope: [F::of(slope.x), F::of(slope.y)],
+            inverse: [F::of(1.0 / slope.x), F::of(1.0 / slope.y)],
+            last: grid.size.map(|side| side + extra - 1),
+        }
+    }
+
+    #[inline(always)]
+    fn cell(&self, t: F) -> [usize; 2] {
+        std::array::from_fn(|axis| {
+            let index = (self.origin[axis] + self.slope[axis] * t).floor().wide();
+            (index.max(0.0) as usize).min(self.last[axis])
+        })
+    }
+
+    #[inline(always)]
+    fn at(&self, t: F) -> Piece<F> {
+        self.piece(self.cell(t), t, F::zero())
+    }
+
+    #[inline(always)]
+    fn piece(&self, cell: [usize; 2], t: F, length: F) -> Piece<F> {
+        let start = |axis: usize| self.origin[axis] + self.slope[axis] * t - F::of(cell[axis] as f64);
+        Piece { cell, start: [start(0), start(1)], change: [self.slope[0] * length, self.slope[1] * length] }
+    }
+
+    /// Visits the pieces of [a, b] cell by cell, in order (Amanatides and Woo 1987).
+    ///
+    /// Every crossing is computed from its own grid line, so rounding does not add up along the ray.
+    #[inline(always)]
+    fn pieces(&self, a: F, b: F, mut visit: impl FnMut(&Piece<F>, F)) {
+        let mut cell = self.cell(a);
+        let crossing = |cell: [usize; 2], axis: usize| {
+            if self.slope[axis] == F::zero() {
+                return F::infinity();
+            }
+            let line = cell[axis] + usize::from(self.slope[axis] > F::zero());
+            (F::of(line as f64) - self.origin[axis]) * self.inverse[axis]
+        };
+        let mut next = [crossing(cell, 0), crossing(cell, 1)];
+        let mut t = a;
+        loop {
+            let axis = usize::from(next[1] < next[0]);
+            let end = next[axis].min(b);
+            if end > t {
+                visit(&self.piece(cell, t, end - t), end - t);
+                t = end;
+            }
+            if next[axis] >= b {
+                break;
+            }
+            if self.slope[axis] > F::zero() {
+                if cell[axis] == self.last[axis] {
+                    next[axis] = F::infinity();
+                    continue;
+                }
+                cell[axis] += 1;
+            } else {
+                if cell[axis] == 0 {
+                    next[axis] = F::infinity();
+                    continue;
+                }
+                cell[axis] -= 1;
+            }
+            next[axis] = crossing(cell, axis);
+        }
+    }
+}

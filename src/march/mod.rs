@@ -1,0 +1,63 @@
+//! The traversals: one view ray becomes pairs (element, weight), the non-zeros of its row of `T`.
+//!
+//! Forward rendering, back-projection, the explicit matrix and the preconditioner are consumers of the
+//! same walk, so they agree by construction.
+
+mod basis;
+mod exponential;
+mod light_map;
+mod visibility;
+
+pub use light_map::{LightMapTransport, LightMapTraversal, ViewRay};
+
+/// The floating-point types that traversals and operators compute in.
+pub trait Real:
+    num_traits::Float + Default + Send + Sync + std::fmt::Debug + std::ops::AddAssign + 'static
+{
+    /// The nearest value.
+    fn of(value: f64) -> Self;
+    /// The same value, or the nearest one in f64.
+    fn wide(self) -> f64;
+}
+
+impl Real for f32 {
+    fn of(value: f64) -> Self {
+        value as f32
+    }
+    fn wide(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+impl Real for f64 {
+    fn of(value: f64) -> Self {
+        value
+    }
+    fn wide(self) -> f64 {
+        self
+    }
+}
+
+/// A weight of `C` channels: one for all three colours (grey media), or one a colour.
+pub type Weight<F, const C: usize> = [F; C];
+
+/// The weight of colour channel `channel`.
+#[inline(always)]
+pub fn channel<F: Copy, const C: usize>(weight: &Weight<F, C>, channel: usize) -> F {
+    weight[if C == 1 { 0 } else { channel }]
+}
+
+/// Rows of a matrix that are walked rather than stored.
+///
+/// Law: a walk visits every element of its row at most once, in the order in which the ray meets them, and
+/// the same walk gives the same numbers every time.
+pub trait Traversal<F: Real, const C: usize>: Sync {
+    /// The number of rows.
+    fn rows(&self) -> usize;
+
+    /// The number of elements, reached or not.
+    fn elements(&self) -> usize;
+
+    /// Visits the non-zeros of a row.
+    fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>));
+}

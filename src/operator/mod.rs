@@ -1,0 +1,159 @@
+//! What a linear operator is, what a vector is, and how operators are put together.
+//!
+//! Everything is generic over the vectors, so one solver serves every backend. A vector holds three
+//! channels an element, and scalars come as one number a channel: three problems are solved side by side.
+
+mod adjoint;
+mod cpu_vector;
+mod restricted;
+mod scaled;
+mod stacked;
+mod weighted;
+
+pub use adjoint::{AdjointTest, adjoint_test};
+pub use cpu_vector::CpuVector;
+pub use restricted::Restricted;
+pub use scaled::{Identity, Scaled};
+pub use stacked::Stacked;
+pub use weighted::Weighted;
+
+use crate::Result;
+
+/// One scalar a colour channel.
+pub type Scalars = [f64; 3];
+
+/// A vector with three channels an element.
+pub trait Vector: Sized {
+    /// The number of elements (each of three channels).
+    fn len(&self) -> usize;
+
+    /// Whether it has no element.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// A new vector of the same shape, all zero.
+    fn zeros_like(&self) -> Self;
+
+    /// Sets every element to one colour.
+    fn fill(&mut self, value: Scalars);
+
+    /// self ← other.
+    fn copy_from(&mut self, other: &Self);
+
+    /// self ← alpha x + beta self. A channel with beta = 0 forgets what it was, NaN included.
+    fn axpby(&mut self, alpha: Scalars, x: &Self, beta: Scalars);
+
+    /// self ← factor self.
+    fn scale(&mut self, factor: Scalars);
+
+    /// self ← self ∘ x, element by element.
+    fn multiply(&mut self, x: &Self);
+
+    /// self ← max(self, bound), element by element.
+    fn clamp_below(&mut self, bound: Scalars);
+
+    /// ⟨self, other⟩ a channel, accumulated in f64 in an order that does not depend on the machine.
+    fn dot(&self, other: &Self) -> Result<Scalars>;
+
+    /// ‖self‖² a channel.
+    fn norm_squared(&self) -> Result<Scalars> {
+        self.dot(self)
+    }
+
+    /// The elements on the host, for checkpoints and results.
+    fn to_host(&self) -> Result<Vec<[f64; 3]>>;
+
+    /// Replaces the elements by ones from the host.
+    ///
+    /// Errors: [`crate::Error::Shape`] for another number of elements.
+    fn set_from_host(&mut self, values: &[[f64; 3]]) -> Result<()>;
+}
+
+/// Vectors whose elements can be picked out and put back by index.
+pub trait Indexed: Vector {
+    /// self[k] ← other[index[k]].
+    fn pick(&mut self, other: &Self, index: &[u32]);
+
+    /// self ← 0 but self[index[k]] ← other[k].
+    fn place(&mut self, other: &Self, index: &[u32]);
+
+    /// A new vector of `len` elements, all zero, where this one lives.
+    fn zeros(&self, len: usize) -> Self;
+}
+
+/// A linear map with its adjoint, channel by channel.
+pub trait LinearOperator {
+    /// What it is applied to.
+    type Domain: Vector;
+    /// What it gives.
+    type Range: Vector;
+
+    /// A new vector of the domain, all zero.
+    fn domain(&self) -> Self::Domain;
+
+    /// A new vector of the range, all zero.
+    fn range(&self) -> Self::Range;
+
+    /// y ← T x.
+    ///
+    /// Errors: [`crate::Error::Shape`] when a vector does not fit.
+    fn apply(&self, x: &Self::Domain, y: &mut Self::Range) -> Result<()>;
+
+    /// x ← Tᵀ y.
+    ///
+    /// Law     ⟨T x, y⟩ = ⟨x, Tᵀ y⟩, held by [`adjoint_test`]
+    /// Errors: [`crate::Error::Shape`] when a vector does not fit.
+    fn apply_adjoint(&self, y: &Self::Range, x: &mut Self::Domain) -> Result<()>;
+}
+
+impl<T: LinearOperator + ?Sized> LinearOperator for &T {
+    type Domain = T::Domain;
+    type Range = T::Range;
+
+    fn domain(&self) -> Self::Domain {
+        (**self).domain()
+    }
+
+    fn range(&self) -> Self::Range {
+        (**self).range()
+    }
+
+    fn apply(&self, x: &Self::Domain, y: &mut Self::Range) -> Result<()> {
+        (**self).apply(x, y)
+    }
+
+    fn apply_adjoint(&self, y: &Self::Range, x: &mut Self::Domain) -> Result<()> {
+        (**self).apply_adjoint(y, x)
+    }
+}
+
+impl<T: LinearOperator + ?Sized> LinearOperator for Box<T> {
+    type Domain = T::Domain;
+    type Range = T::Range;
+
+    fn domain(&self) -> Self::Domain {
+        (**self).domain()
+    }
+
+    fn range(&self) -> Self::Range {
+        (**self).range()
+    }
+
+    fn apply(&self, x: &Self::Domain, y: &mut Self::Range) -> Result<()> {
+        (**self).apply(x, y)
+    }
+
+    fn apply_adjoint(&self, y: &Self::Range, x: &mut Self::Domain) -> Result<()> {
+        (**self).apply_adjoint(y, x)
+    }
+}
+
+/// Whether a vector fits.
+pub(crate) fn expect_len(what: &'static str, vector: &impl Vector, expected: usize) -> Result<()> {
+    if vector.len() == expected {
+        Ok(())
+    } else {
+        Err(crate::Error::Shape { what, expected, got: vector.len() })
+    }
+}

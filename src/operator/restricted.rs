@@ -1,0 +1,73 @@
+use std::cell::RefCell;
+
+use super::{Indexed, LinearOperator, Vector};
+use crate::{Error, Result};
+
+/// T E: the columns of an operator that are unknown, the others left out.
+///
+/// Solvers see vectors of the unknown elements only; one full vector is kept here to talk to `T`.
+#[derive(Debug)]
+pub struct Restricted<T: LinearOperator> {
+    operator: T,
+    columns: Vec<u32>,
+    full: RefCell<T::Domain>,
+}
+
+impl<T: LinearOperator<Domain: Indexed>> Restricted<T> {
+    /// The columns named by `columns`, in that order.
+    ///
+    /// Errors: [`Error::Value`] for an index that is not a column or does not increase.
+    pub fn new(operator: T, columns: Vec<u32>) -> Result<Self> {
+        let full = operator.domain();
+        let increasing = columns.windows(2).all(|pair| pair[0] < pair[1]);
+        if !increasing || columns.last().is_some_and(|&last| last as usize >= full.len()) {
+            return Err(Error::value("columns", columns.len(), "increasing indices of columns"));
+        }
+        Ok(Self { operator, columns, full: RefCell::new(full) })
+    }
+
+    /// The operator with all its columns.
+    pub fn inner(&self) -> &T {
+        &self.operator
+    }
+
+    /// The unknown columns.
+    pub fn columns(&self) -> &[u32] {
+        &self.columns
+    }
+
+    /// The unknown elements of a full vector.
+    pub fn pick(&self, full: &T::Domain) -> T::Domain {
+        let mut picked = self.domain();
+        picked.pick(full, &self.columns);
+        picked
+    }
+}
+
+impl<T: LinearOperator<Domain: Indexed>> LinearOperator for Restricted<T> {
+    type Domain = T::Domain;
+    type Range = T::Range;
+
+    fn domain(&self) -> T::Domain {
+        self.full.borrow().zeros(self.columns.len())
+    }
+
+    fn range(&self) -> T::Range {
+        self.operator.range()
+    }
+
+    fn apply(&self, x: &T::Domain, y: &mut T::Range) -> Result<()> {
+        super::expect_len("x", x, self.columns.len())?;
+        let mut full = self.full.borrow_mut();
+        full.place(x, &self.columns);
+        self.operator.apply(&full, y)
+    }
+
+    fn apply_adjoint(&self, y: &T::Range, x: &mut T::Domain) -> Result<()> {
+        super::expect_len("x", x, self.columns.len())?;
+        let mut full = self.full.borrow_mut();
+        self.operator.apply_adjoint(y, &mut full)?;
+        x.pick(&full, &self.columns);
+        Ok(())
+    }
+}

@@ -1,0 +1,59 @@
+use std::cell::RefCell;
+
+use super::{LinearOperator, Vector};
+use crate::Result;
+
+/// W T: the rows of an operator, each scaled by its own factor.
+///
+/// For constraint weights w the factors are √w, so that ‖W (T x − b)‖² = Σ w (T x − b)².
+#[derive(Debug)]
+pub struct Weighted<T: LinearOperator> {
+    operator: T,
+    factors: T::Range,
+    scratch: RefCell<T::Range>,
+}
+
+impl<T: LinearOperator> Weighted<T> {
+    /// Errors: [`crate::Error::Shape`] when there is not one factor a row.
+    pub fn new(operator: T, factors: T::Range) -> Result<Self> {
+        super::expect_len("the weights", &factors, operator.range().len())?;
+        let scratch = RefCell::new(factors.zeros_like());
+        Ok(Self { operator, factors, scratch })
+    }
+
+    /// The operator without weights.
+    pub fn inner(&self) -> &T {
+        &self.operator
+    }
+
+    /// W y: what the right-hand side becomes.
+    pub fn weigh(&self, y: &mut T::Range) {
+        y.multiply(&self.factors);
+    }
+}
+
+impl<T: LinearOperator> LinearOperator for Weighted<T> {
+    type Domain = T::Domain;
+    type Range = T::Range;
+
+    fn domain(&self) -> T::Domain {
+        self.operator.domain()
+    }
+
+    fn range(&self) -> T::Range {
+        self.operator.range()
+    }
+
+    fn apply(&self, x: &T::Domain, y: &mut T::Range) -> Result<()> {
+        self.operator.apply(x, y)?;
+        y.multiply(&self.factors);
+        Ok(())
+    }
+
+    fn apply_adjoint(&self, y: &T::Range, x: &mut T::Domain) -> Result<()> {
+        let mut weighted = self.scratch.borrow_mut();
+        weighted.copy_from(y);
+        weighted.multiply(&self.factors);
+        self.operator.apply_adjoint(&weighted, x)
+    }
+}
