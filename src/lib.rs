@@ -8,6 +8,7 @@ pub mod operator;
 pub mod problem;
 pub mod report;
 pub mod scene;
+pub mod solve;
 pub mod sparse;
 
 pub use error::{Error, Fault, Result};

@@ -7,4 +7,5 @@ mod bands;
 mod rows;
 mod transport;
 
+pub(crate) use transport::gather;
 pub use transport::{Storage, Transport, WalkPlan};

@@ -1,3 +1,17 @@
-//! From a scene and what is painted on it to a least-squares problem.
+//! From a scene and what is painted on it to a least-squares problem, and from its solution to pictures.
 
+mod assess;
+mod constraints;
+mod extents;
+mod light_map;
 mod painting;
+mod render;
+mod solution;
+
+pub use assess::{Match, assess};
+pub use constraints::{Constraint, constraints};
+pub use extents::{Maps, fit};
+pub use light_map::{LightMapOperator, LightMapProblem};
+pub use painting::paint;
+pub use render::{Rendering, render};
+pub use solution::{Paused, Solved, solve};

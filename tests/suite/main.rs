@@ -5,6 +5,11 @@
     clippy::panic,
     reason = "a test that cannot go on should stop"
 )]
+#![allow(missing_docs, unreachable_pub, reason = "nothing here is public")]
 
+mod layers;
+mod operator;
 mod scenes;
+mod solve;
+mod tolerances;
 mod traversal;

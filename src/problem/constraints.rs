@@ -1,0 +1,43 @@
+use crate::scene::{Rgb, RgbaImage, Scene};
+use crate::{Error, Result};
+
+/// One painted pixel: a row of the problem.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Constraint {
+    /// Index of the view.
+    pub view: usize,
+    /// Column of the pixel.
+    pub x: usize,
+    /// Row of the pixel.
+    pub y: usize,
+    /// The painted colour.
+    pub color: Rgb,
+    /// The painted alpha, in (0, 1].
+    pub weight: f32,
+}
+
+/// All painted pixels, view by view, row by row; and what is painted on each view.
+///
+/// Errors: [`Error::Empty`] when nothing is painted.
+pub fn constraints(scene: &Scene) -> Result<(Vec<Constraint>, Vec<RgbaImage>)> {
+    let mut constraints = Vec::new();
+    let mut paintings = Vec::with_capacity(scene.views.len());
+    for (view, painted) in scene.views.iter().enumerate() {
+        let painting = super::paint(painted)?;
+        let width = painting.size()[0];
+        for (index, &[r, g, b, weight]) in painting.pixels.iter().enumerate() {
+            if weight > 0.0 {
+                let (x, y) = (index % width, index / width);
+                constraints.push(Constraint { view, x, y, color: [r, g, b], weight });
+            }
+        }
+        paintings.push(painting);
+    }
+    if constraints.is_empty() {
+        return Err(Error::Empty {
+            reason: "no pixel is painted in any view".to_owned(),
+            remedy: "add strokes or layers to at least one view",
+        });
+    }
+    Ok((constraints, paintings))
+}

@@ -1,0 +1,96 @@
+use std::sync::Arc;
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use super::Constraint;
+use crate::Result;
+use crate::scene::{Extent, Grid, LightFrame, MapSettings, Ray, Scene, ShadowMap};
+
+/// Transmittance at which a ray that hits nothing no longer counts for the extent of the maps.
+const FADED: f64 = 0.02;
+/// Every so many pixels of a view are looked along for what the view sees.
+const PIXEL_STRIDE: usize = 8;
+/// Room around what was seen, as a share of it.
+const MARGIN: f64 = 0.01;
+
+/// Where light map and shadow map lie, and the shadow map itself.
+#[derive(Debug, Clone)]
+pub struct Maps {
+    /// The frame of the light.
+    pub frame: LightFrame,
+    /// The texels of the light map.
+    pub light_map: Grid,
+    /// The shadow map.
+    pub shadow_map: Arc<ShadowMap>,
+}
+
+/// Fits the maps to what is seen where the scene does not set them, and renders the shadow map.
+///
+/// The light map covers the rays through painted pixels, the shadow map what all views see; both only as far
+/// as there is geometry to cast a shadow. `lengths` are those of the rays through `constraints`.
+pub fn fit(scene: &Scene, constraints: &[Constraint], lengths: &[f64]) -> Result<Maps> {
+    let frame = scene.light.frame();
+    let occluded = scene.geometry.mesh().positions.iter().fold(Extent::NOTHING, |extent, &point| {
+        let p = frame.light_from_world(point);
+        extent.include(DVec2::new(p.x, p.y))
+    });
+    let painted = constraints
+        .par_iter()
+        .zip(lengths)
+        .map(|(pixel, &length)| {
+            let camera = &scene.views[pixel.view].camera;
+            seen_along(scene, &frame, &camera.pixel_ray(pixel.x, pixel.y), length)
+        })
+        .reduce(|| Extent::NOTHING, Extent::union);
+    let seen = seen_by_views(scene, &frame).union(painted);
+    let light_map = grid(&scene.light_map, if constraints.is_empty() { seen } else { painted }, occluded)?;
+    let shadow_grid = grid(&scene.shadow_map, seen, occluded)?;
+    let shadow_map = if occluded.has_area() {
+        ShadowMap::render(&scene.geometry, &frame, shadow_grid)?
+    } else {
+        ShadowMap::open(shadow_grid)
+    };
+    Ok(Maps { frame, light_map, shadow_map: Arc::new(shadow_map) })
+}
+
+fn grid(settings: &MapSettings, seen: Extent, occluded: Extent) -> Result<Grid> {
+    let fitted = || {
+        let extent = seen.intersection(occluded).unwrap_or(seen);
+        let sides = extent.max - extent.min;
+        // A single ray along the light sees no area at all; give it a texel's worth.
+        extent.grown((MARGIN * sides.max_element()).max(1e-6 * extent.max.abs().max_element()).max(1e-6))
+    };
+    Grid::new(settings.extent.unwrap_or_else(fitted), settings.size)
+}
+
+fn seen_by_views(scene: &Scene, frame: &LightFrame) -> Extent {
+    let pixels: Vec<(usize, usize, usize)> = scene
+        .views
+        .iter()
+        .enumerate()
+        .flat_map(|(view, seen)| {
+            let [width, height] = seen.camera.size();
+            let along = |side: usize| (0..side).step_by(PIXEL_STRIDE).chain([side - 1]);
+            along(height).flat_map(move |y| along(width).map(move |x| (view, x, y)))
+        })
+        .collect();
+    pixels
+        .into_par_iter()
+        .map(|(view, x, y)| {
+            let ray = scene.views[view].camera.pixel_ray(x, y);
+            let length =
+                scene.geometry.first_hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |hit| hit.distance);
+            seen_along(scene, frame, &ray, length)
+        })
+        .reduce(|| Extent::NOTHING, Extent::union)
+}
+
+/// The shadow of a view ray on the plane of the light.
+fn seen_along(scene: &Scene, frame: &LightFrame, ray: &Ray, length: f64) -> Extent {
+    let end = length.min(scene.medium.reach(FADED));
+    [0.0, end].into_iter().fold(Extent::NOTHING, |extent, t| {
+        let p = frame.light_from_world(ray.at(t));
+        extent.include(DVec2::new(p.x, p.y))
+    })
+}

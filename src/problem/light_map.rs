@@ -1,0 +1,196 @@
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::{Constraint, Maps, constraints, fit};
+use crate::cpu::{Storage, Transport, WalkPlan};
+use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
+use crate::operator::{CpuVector, LinearOperator};
+use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, Target};
+use crate::{Error, Result};
+
+/// `T` of a light-map problem on the CPU in f32.
+#[derive(Debug)]
+pub enum LightMapOperator {
+    /// One weight for all three channels.
+    Grey(Transport<LightMapTraversal, f32, 1>),
+    /// One weight a channel.
+    Colored(Transport<LightMapTraversal, f32, 3>),
+}
+
+/// The painted pixels of a scene as rows, and what they should become.
+///
+/// The model is `scattered light = T x + surroundings`: x are the texels of the light map; outside the map the
+/// light keeps its own radiance, which gives each row a constant share.
+#[derive(Debug)]
+pub struct LightMapProblem {
+    /// The rows.
+    pub constraints: Vec<Constraint>,
+    /// What is painted on each view.
+    pub paintings: Vec<RgbaImage>,
+    /// Where the maps lie.
+    pub maps: Maps,
+    /// The rows of T.
+    pub traversal: LightMapTraversal,
+    /// The scattered radiance that each row should have, without its surroundings: b.
+    pub targets: Vec<Rgb>,
+    /// The scattered radiance of each row that comes from outside the light map.
+    pub surroundings: Vec<Rgb>,
+    /// What the light map starts from: the radiance of the light.
+    pub start: Rgb,
+    /// What walking the rows will take.
+    pub plan: WalkPlan,
+    grey: bool,
+}
+
+impl LightMapProblem {
+    /// Paints the views, finds the depth behind every painted pixel, places the maps, and computes the targets.
+    ///
+    /// Errors: [`Error::Empty`] when nothing is painted or every painted pixel is in shadow.
+    pub fn new(scene: &Scene) -> Result<Self> {
+        let (constraints, paintings) = constraints(scene)?;
+        let lengths = lengths(scene, &constraints);
+        let maps = fit(scene, &constraints, &lengths)?;
+        let rays: Arc<[ViewRay]> = constraints
+            .par_iter()
+            .zip(&lengths)
+            .map(|(pixel, &length)| {
+                let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
+                ViewRay::new(&ray, length, &maps.frame, &scene.medium)
+            })
+            .collect();
+        let traversal = LightMapTraversal::new(transport(scene, &maps, scene.solve.quadrature), rays);
+        let start = scene.light.radiance;
+        let white = luminance(start);
+        let shares: Vec<[[f64; 3]; 2]> = (0..constraints.len())
+            .into_par_iter()
+            .map(|row| [traversal.lit_weight(row), traversal.surrounding_weight(row)])
+            .collect();
+        if shares.iter().all(|[lit, _]| *lit == [0.0; 3]) {
+            return Err(Error::Empty {
+                reason: format!("every one of the {} painted pixels is in shadow", constraints.len()),
+                remedy: "paint where light shafts are seen, or turn the light",
+            });
+        }
+        let surroundings: Vec<Rgb> =
+            shares.iter().map(|[_, outside]| rgb(|c| outside[c] as f32 * start[c])).collect();
+        let targets = constraints
+            .iter()
+            .zip(&shares)
+            .zip(&surroundings)
+            .map(|((pixel, [lit, _]), around)| {
+                rgb(|c| match scene.target {
+                    Target::Tint => pixel.color[c] * (lit[c] as f32 * white) - around[c],
+                    Target::Radiance => pixel.color[c] - around[c],
+                })
+            })
+            .collect();
+        let grey = scene.medium.is_grey();
+        let plan =
+            if grey { WalkPlan::new::<f32, 1>(&traversal) } else { WalkPlan::new::<f32, 3>(&traversal) };
+        Ok(Self { constraints, paintings, maps, traversal, targets, surroundings, start, plan, grey })
+    }
+
+    /// T, with as much of it kept as `scene.solve` and `budget` bytes allow.
+    pub fn operator(&self, scene: &Scene, budget: u64) -> Result<LightMapOperator> {
+        let (traversal, strategy) = (self.traversal.clone(), scene.solve.strategy);
+        Ok(if self.grey {
+            LightMapOperator::Grey(Transport::new(traversal, &self.plan, strategy, budget)?)
+        } else {
+            LightMapOperator::Colored(Transport::new(traversal, &self.plan, strategy, budget)?)
+        })
+    }
+
+    /// Whether one weight serves all channels.
+    pub fn is_grey(&self) -> bool {
+        self.grey
+    }
+
+    /// The constraint weights, one colour a row.
+    pub fn weights(&self) -> CpuVector {
+        CpuVector(self.constraints.iter().map(|pixel| [pixel.weight; 3]).collect())
+    }
+}
+
+impl LightMapOperator {
+    /// diag(Tᵀ diag(weights) T).
+    pub fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
+        match self {
+            Self::Grey(transport) => transport.squares(weights),
+            Self::Colored(transport) => transport.squares(weights),
+        }
+    }
+
+    /// How much of it is kept.
+    pub fn storage(&self) -> Storage {
+        match self {
+            Self::Grey(transport) => transport.storage(),
+            Self::Colored(transport) => transport.storage(),
+        }
+    }
+}
+
+impl LinearOperator for LightMapOperator {
+    type Domain = CpuVector;
+    type Range = CpuVector;
+
+    fn domain(&self) -> CpuVector {
+        match self {
+            Self::Grey(transport) => transport.domain(),
+            Self::Colored(transport) => transport.domain(),
+        }
+    }
+
+    fn range(&self) -> CpuVector {
+        match self {
+            Self::Grey(transport) => transport.range(),
+            Self::Colored(transport) => transport.range(),
+        }
+    }
+
+    fn apply(&self, x: &CpuVector, y: &mut CpuVector) -> Result<()> {
+        match self {
+            Self::Grey(transport) => transport.apply(x, y),
+            Self::Colored(transport) => transport.apply(x, y),
+        }
+    }
+
+    fn apply_adjoint(&self, y: &CpuVector, x: &mut CpuVector) -> Result<()> {
+        match self {
+            Self::Grey(transport) => transport.apply_adjoint(y, x),
+            Self::Colored(transport) => transport.apply_adjoint(y, x),
+        }
+    }
+}
+
+/// Distance to the first surface behind each painted pixel; infinite where there is none.
+fn lengths(scene: &Scene, constraints: &[Constraint]) -> Vec<f64> {
+    constraints
+        .par_iter()
+        .map(|pixel| {
+            let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
+            scene.geometry.first_hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |hit| hit.distance)
+        })
+        .collect()
+}
+
+/// What all rays of a scene share.
+pub(super) fn transport(scene: &Scene, maps: &Maps, quadrature: Quadrature) -> LightMapTransport {
+    LightMapTransport {
+        sigma_t: scene.medium.sigma_t,
+        shadow_map: maps.shadow_map.clone(),
+        light_map: maps.light_map,
+        basis: scene.solve.basis,
+        quadrature,
+        transmittance_bound: scene.solve.transmittance_bound,
+    }
+}
+
+/// Relative luminance of a linear Rec. 709 colour: what a white light map of the same brightness emits.
+pub(super) fn luminance(color: Rgb) -> f32 {
+    0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]
+}
+
+pub(super) fn rgb(channel: impl Fn(usize) -> f32) -> Rgb {
+    std::array::from_fn(channel)
+}

@@ -1,0 +1,11 @@
+//! The tolerances of the tests, each with its reason.
+
+/// `T x` in f32 against the explicit matrix in f64: weights and results are rounded to 24 bits, and a texel's
+/// sum of a few hundred terms loses up to a few more.
+pub const AGAINST_EXPLICIT: f64 = 1e-5;
+
+/// |⟨T x, y⟩ − ⟨x, Tᵀ y⟩| / ‖T x‖ ‖y‖ where sums are f32: the rounding of each side, averaged over the rows.
+pub const ADJOINT_F32: f64 = 1e-6;
+
+/// The same where everything is f64.
+pub const ADJOINT_F64: f64 = 1e-13;
