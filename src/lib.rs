@@ -1,5 +1,6 @@
 //! Inverse rendering of light in media.
 
+pub mod cli;
 pub mod cpu;
 mod error;
 pub mod io;

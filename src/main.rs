@@ -1,3 +1,5 @@
-//! The command.
+//! The `unscatter` command.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    unscatter::cli::main()
+}

@@ -1,5 +1,6 @@
 //! Files in and out. Everything is written whole or not at all.
 
+mod checkpoint;
 pub mod gltf;
 pub mod image;
 pub mod npy;
@@ -7,4 +8,5 @@ pub mod obj;
 pub mod scene_file;
 mod whole;
 
+pub use checkpoint::Checkpoint;
 pub use whole::write_whole;

@@ -52,6 +52,17 @@ pub struct LightMapTransport {
     pub transmittance_bound: f64,
 }
 
+/// How much of a row there is, and how much of it is walked.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct RowExtent {
+    /// Length over the light map, in texels.
+    pub texels: f64,
+    /// The lit part of it; the rest is skipped.
+    pub lit_texels: f64,
+    /// Whether it ends before its surface, because the transmittance is below the bound.
+    pub cut_off: bool,
+}
+
 /// The traversal of view rays through light map and shadow map together.
 ///
 /// Row k holds for texel i the weight `ρ f(θ) ∫₀ˢ σ_t e^{−σ_t t} V(t) vᵢ(t) dt`, with V the shadow map's
@@ -100,6 +111,26 @@ impl LightMapTraversal {
                 std::array::from_fn(|c| before[c] + after[c])
             }
         }
+    }
+
+    /// The weight of light that reaches the row from inside the light map: the row sum.
+    pub fn inside_weight(&self, row: usize) -> [f64; 3] {
+        let (all, outside) = (self.lit_weight(row), self.surrounding_weight(row));
+        std::array::from_fn(|c| all[c] - outside[c])
+    }
+
+    /// What of a row is walked and what is skipped.
+    pub fn extent(&self, row: usize) -> RowExtent {
+        let (ray, end) = (&self.rays[row], self.end(&self.rays[row]));
+        let mut extent = RowExtent { cut_off: end < ray.length && ray.length.is_finite(), ..RowExtent::default() };
+        if let Some([enter, leave]) = self.transport.inside(ray, end) {
+            let [_, slope] = grid_ray(ray, &self.transport.light_map);
+            extent.texels = slope.length() * (leave - enter);
+            self.transport.shadow_ray::<f64>(ray).lit_stretches(enter, leave, |start, end| {
+                extent.lit_texels += slope.length() * (end - start);
+            });
+        }
+        extent
     }
 
     /// Where the rest of a ray no longer counts.

@@ -8,7 +8,7 @@ mod exponential;
 mod light_map;
 mod visibility;
 
-pub use light_map::{LightMapTransport, LightMapTraversal, ViewRay};
+pub use light_map::{LightMapTransport, LightMapTraversal, RowExtent, ViewRay};
 
 /// The floating-point types that traversals and operators compute in.
 pub trait Real:

@@ -3,8 +3,8 @@ use std::sync::Arc;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::Constraint;
-use crate::Result;
+use super::{Constraint, light_map};
+use crate::{Error, Result};
 use crate::scene::{Extent, Grid, LightFrame, MapSettings, Ray, Scene, ShadowMap};
 
 /// Transmittance at which a ray that hits nothing no longer counts for the extent of the maps.
@@ -27,9 +27,19 @@ pub struct Maps {
 
 /// Fits the maps to what is seen where the scene does not set them, and renders the shadow map.
 ///
-/// The light map covers the rays through painted pixels, the shadow map what all views see; both only as far
-/// as there is geometry to cast a shadow. `lengths` are those of the rays through `constraints`.
-pub fn fit(scene: &Scene, constraints: &[Constraint], lengths: &[f64]) -> Result<Maps> {
+/// The light map covers the rays through painted pixels (of a scene without any, what all views see), the shadow
+/// map what all views see; both only as far as there is geometry to cast a shadow.
+pub fn fit(scene: &Scene) -> Result<Maps> {
+    let painted = super::constraints(scene).map(|(painted, _)| painted);
+    let constraints = match painted {
+        Err(Error::Empty { .. }) => Vec::new(),
+        painted => painted?,
+    };
+    fit_to(scene, &constraints, &light_map::lengths(scene, &constraints))
+}
+
+/// The same for constraints whose rays have these lengths.
+pub(super) fn fit_to(scene: &Scene, constraints: &[Constraint], lengths: &[f64]) -> Result<Maps> {
     let frame = scene.light.frame();
     let occluded = scene.geometry.mesh().positions.iter().fold(Extent::NOTHING, |extent, &point| {
         let p = frame.light_from_world(point);

@@ -2,11 +2,12 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{Constraint, Maps, constraints, fit};
+use super::extents::fit_to;
+use super::{Constraint, Maps, constraints};
 use crate::cpu::{Storage, Transport, WalkPlan};
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::{CpuVector, LinearOperator};
-use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, Target};
+use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, Strategy, Target};
 use crate::{Error, Result};
 
 /// `T` of a light-map problem on the CPU in f32.
@@ -50,7 +51,7 @@ impl LightMapProblem {
     pub fn new(scene: &Scene) -> Result<Self> {
         let (constraints, paintings) = constraints(scene)?;
         let lengths = lengths(scene, &constraints);
-        let maps = fit(scene, &constraints, &lengths)?;
+        let maps = fit_to(scene, &constraints, &lengths)?;
         let rays: Arc<[ViewRay]> = constraints
             .par_iter()
             .zip(&lengths)
@@ -86,19 +87,54 @@ impl LightMapProblem {
             })
             .collect();
         let grey = scene.medium.is_grey();
-        let plan =
-            if grey { WalkPlan::new::<f32, 1>(&traversal) } else { WalkPlan::new::<f32, 3>(&traversal) };
+        let plan = plan(&traversal, grey);
         Ok(Self { constraints, paintings, maps, traversal, targets, surroundings, start, plan, grey })
     }
 
     /// T, with as much of it kept as `scene.solve` and `budget` bytes allow.
     pub fn operator(&self, scene: &Scene, budget: u64) -> Result<LightMapOperator> {
-        let (traversal, strategy) = (self.traversal.clone(), scene.solve.strategy);
+        self.operator_with(scene.solve.strategy, budget)
+    }
+
+    /// T with a strategy of the caller's.
+    pub fn operator_with(&self, strategy: Strategy, budget: u64) -> Result<LightMapOperator> {
+        let traversal = self.traversal.clone();
         Ok(if self.grey {
             LightMapOperator::Grey(Transport::new(traversal, &self.plan, strategy, budget)?)
         } else {
             LightMapOperator::Colored(Transport::new(traversal, &self.plan, strategy, budget)?)
         })
+    }
+
+    /// The painted pixels of a view, each with its place and the change of its scattered light that is asked for.
+    pub fn wanted(&self, view: usize) -> impl Iterator<Item = (usize, usize, Rgb)> + '_ {
+        self.constraints.iter().enumerate().filter(move |(_, pixel)| pixel.view == view).map(|(row, pixel)| {
+            let inside = self.traversal.inside_weight(row);
+            (pixel.x, pixel.y, rgb(|c| self.targets[row][c] - inside[c] as f32 * self.start[c]))
+        })
+    }
+
+    /// The problem of at most `rows` of its rows, evenly spread, and their share of all.
+    pub fn sampled(&self, rows: usize) -> (Self, f64) {
+        let stride = self.constraints.len().div_ceil(rows.max(1)).max(1);
+        fn every<T: Clone>(values: &[T], stride: usize) -> Vec<T> {
+            values.iter().step_by(stride).cloned().collect()
+        }
+        let rays = every(self.traversal.rays(), stride).into();
+        let traversal = LightMapTraversal::new(self.traversal.transport().clone(), rays);
+        let sample = Self {
+            constraints: every(&self.constraints, stride),
+            paintings: self.paintings.clone(),
+            maps: self.maps.clone(),
+            targets: every(&self.targets, stride),
+            surroundings: every(&self.surroundings, stride),
+            start: self.start,
+            plan: plan(&traversal, self.grey),
+            grey: self.grey,
+            traversal,
+        };
+        let share = sample.constraints.len() as f64 / self.constraints.len() as f64;
+        (sample, share)
     }
 
     /// Whether one weight serves all channels.
@@ -163,8 +199,12 @@ impl LinearOperator for LightMapOperator {
     }
 }
 
+fn plan(traversal: &LightMapTraversal, grey: bool) -> WalkPlan {
+    if grey { WalkPlan::new::<f32, 1>(traversal) } else { WalkPlan::new::<f32, 3>(traversal) }
+}
+
 /// Distance to the first surface behind each painted pixel; infinite where there is none.
-fn lengths(scene: &Scene, constraints: &[Constraint]) -> Vec<f64> {
+pub(super) fn lengths(scene: &Scene, constraints: &[Constraint]) -> Vec<f64> {
     constraints
         .par_iter()
         .map(|pixel| {

@@ -59,10 +59,10 @@ impl StopReason {
     /// Its name in reports.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Tolerance => "tolerance reached",
-            Self::Iterations => "iteration limit",
-            Self::Time => "time limit",
-            Self::Stagnation => "stagnated at rounding level",
+            Self::Tolerance => "tolerance",
+            Self::Iterations => "iterations",
+            Self::Time => "time",
+            Self::Stagnation => "stagnation",
             Self::Interrupted => "interrupted",
         }
     }

@@ -1,0 +1,188 @@
+use std::collections::BTreeMap;
+
+use super::{job, machine};
+use crate::operator::CpuVector;
+use crate::problem::{LightMapOperator, LightMapProblem, Match, Solved};
+use crate::report::{
+    Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord, ViewMatch,
+};
+use crate::scene::{Quadrature, Scene, SolverName, Target};
+
+/// Everything that a light-map solve has found out, to be reported.
+pub(super) struct Findings<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) problem: &'a LightMapProblem,
+    pub(super) operator: &'a LightMapOperator,
+    pub(super) coverage: &'a CpuVector,
+    pub(super) solved: &'a Solved,
+    /// How well all rows, and those of each view, met the targets before and after.
+    pub(super) before: (Match, Vec<Match>),
+    pub(super) after: (Match, Vec<Match>),
+    pub(super) adjoint_error: f64,
+}
+
+impl Findings<'_> {
+    pub(super) fn report(&self, timings: Vec<(String, f64)>) -> Report {
+        let storage = self.operator.storage();
+        let stop = self.solved.outcome.stop;
+        let mut timings: BTreeMap<String, f64> = timings.into_iter().collect();
+        timings.remove("writing");
+        Report {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            command: "light-map".to_owned(),
+            scene: self.scene.name.clone(),
+            backend: "cpu".to_owned(),
+            device: format!("{}, {} threads", machine::processor(), rayon::current_num_threads()),
+            target: match self.scene.target {
+                Target::Tint => "tint",
+                Target::Radiance => "radiance",
+            }
+            .to_owned(),
+            solver: match self.scene.solve.solver {
+                SolverName::Cgls => "cgls",
+                SolverName::ClampedCgls => "clamped-cgls",
+            }
+            .to_owned(),
+            strategy: RowStrategy {
+                name: match (storage.kept_rows, storage.walked_rows) {
+                    (_, 0) => "assembled",
+                    (0, _) => "matrix-free",
+                    _ => "mixed",
+                }
+                .to_owned(),
+                kept_rows: storage.kept_rows as u64,
+                walked_rows: storage.walked_rows as u64,
+            },
+            problem: self.size(),
+            regularization: Regularization {
+                tikhonov: self.solved.tikhonov,
+                laplacian: 0.0,
+                gradient: 0.0,
+            },
+            settings: self.settings(),
+            history: self.history(),
+            stop: StopRecord { reason: stop.reason.name().to_owned(), iteration: stop.iteration as u64 },
+            weighted_residual: Change { before: self.before.0.residual, after: self.after.0.residual },
+            matched: self.matched(),
+            timings,
+            memory: self.memory(),
+            skipped: self.skipped(),
+            adjoint_error: self.adjoint_error,
+            coverage: self.covered(),
+        }
+    }
+
+    fn size(&self) -> Problem {
+        let storage = self.operator.storage();
+        let exact = storage.walked_rows == 0;
+        Problem {
+            rows: self.problem.constraints.len() as u64,
+            unknowns: self.coverage.0.len() as u64,
+            active_unknowns: self.reached(),
+            nonzeros: if exact { storage.kept_nonzeros } else { self.problem.plan.nonzeros },
+            views: self.before.1.iter().filter(|view| view.pixels > 0).count() as u64,
+            size: self.problem.maps.light_map.size.map(|side| side as u64).to_vec(),
+        }
+    }
+
+    fn settings(&self) -> BTreeMap<String, String> {
+        let solve = &self.scene.solve;
+        let quadrature = match solve.quadrature {
+            Quadrature::Exact => "exact, cell by cell".to_owned(),
+            Quadrature::March { steps } => format!("march of {steps} steps"),
+        };
+        let shadow_map = self.problem.maps.shadow_map.grid().size;
+        [
+            ("basis", format!("{:?}", solve.basis).to_lowercase()),
+            ("quadrature", quadrature),
+            ("iterations", format!("at most {}", solve.iterations)),
+            ("tolerance", solve.tolerance.to_string()),
+            ("transmittance_bound", format!("{:.1e}", solve.transmittance_bound)),
+            ("shadow_map", format!("{} × {} texels", shadow_map[0], shadow_map[1])),
+            ("restarts", self.solved.outcome.restarts.to_string()),
+        ]
+        .map(|(name, value)| (name.to_owned(), value))
+        .into()
+    }
+
+    fn history(&self) -> Vec<Step> {
+        let step = |entry: &crate::solve::Progress| Step {
+            iteration: entry.iteration as u64,
+            seconds: entry.seconds,
+            operator_applications: entry.operator_applications as u64,
+            residual: entry.residual,
+            normal_residual: entry.normal_residual,
+        };
+        self.solved.outcome.history.progress.iter().map(step).collect()
+    }
+
+    fn matched(&self) -> Vec<ViewMatch> {
+        let views = self.scene.views.iter().zip(&self.before.1).zip(&self.after.1);
+        views
+            .filter(|((_, before), _)| before.pixels > 0)
+            .map(|((view, before), after)| ViewMatch {
+                view: view.name.clone(),
+                painted_pixels: before.pixels as u64,
+                weighted_residual: Change { before: before.residual, after: after.residual },
+                hue_error: Some(Change { before: before.hue_error, after: after.hue_error }),
+                uncontested_hue_error: Some(Change {
+                    before: before.uncontested_hue_error,
+                    after: after.uncontested_hue_error,
+                }),
+                uncontested_pixels: Some((before.pixels - before.contested) as u64),
+            })
+            .collect()
+    }
+
+    fn memory(&self) -> BTreeMap<String, u64> {
+        let mut memory = BTreeMap::from([
+            ("matrix".to_owned(), self.operator.storage().bytes),
+            ("everything_else".to_owned(), job::fixed_bytes(self.scene, self.problem)),
+        ]);
+        memory.extend(self.scene.solve.memory.map(|budget| ("budget".to_owned(), budget)));
+        memory.extend(machine::peak_memory().map(|peak| ("peak".to_owned(), peak)));
+        memory
+    }
+
+    fn skipped(&self) -> BTreeMap<String, Share> {
+        let rows = self.problem.constraints.len();
+        let pixels: usize = self.scene.views.iter().map(|view| view.camera.size().iter().product::<usize>()).sum();
+        let (mut texels, mut lit, mut cut) = (0.0, 0.0, 0);
+        for row in 0..rows {
+            let extent = self.problem.traversal.extent(row);
+            texels += extent.texels;
+            lit += extent.lit_texels;
+            cut += u64::from(extent.cut_off);
+        }
+        let walks = self.solved.outcome.history.progress.last().map_or(0, |last| last.operator_applications);
+        let share = |count: u64, of: u64| Share { count, of };
+        [
+            ("pixels", share((pixels - rows) as u64, pixels as u64)),
+            ("unknowns", share(self.coverage.0.len() as u64 - self.reached(), self.coverage.0.len() as u64)),
+            ("shadowed_cells", share((texels - lit) as u64, texels as u64)),
+            ("dark_rays", share(cut, rows as u64)),
+            ("walks", share((walks * self.operator.storage().kept_rows) as u64, (walks * rows) as u64)),
+        ]
+        .map(|(name, value)| (name.to_owned(), value))
+        .into()
+    }
+
+    fn covered(&self) -> Coverage {
+        let total = self.coverage.0.len() as u64;
+        // Where the data weigh less than the regularization, the start decides.
+        let weak = self.coverage.0.iter().filter(|texel| {
+            let most = f64::from(texel[0].max(texel[1]).max(texel[2]));
+            most > 0.0 && most < self.solved.tikhonov
+        });
+        Coverage {
+            reached: self.reached(),
+            total,
+            unreached: total - self.reached(),
+            weak: Some(weak.count() as u64),
+        }
+    }
+
+    fn reached(&self) -> u64 {
+        self.coverage.0.iter().filter(|texel| texel.iter().any(|&value| value > 0.0)).count() as u64
+    }
+}

@@ -1,0 +1,192 @@
+use std::time::{Duration, Instant};
+
+use super::args::LightMapArguments;
+use super::progress::{Steps, interrupted, watch_interrupt};
+use super::results::{Folder, ViewPictures};
+use super::findings::Findings;
+use super::{Done, Manners, job, resume};
+use crate::operator::{CpuVector, adjoint_test};
+use crate::problem::{LightMapProblem, assess, render, solve};
+use crate::report::{self, Report};
+use crate::scene::{Image, Rgb, Scene};
+use crate::solve::{Control, StopReason};
+use crate::{Result, io};
+
+/// How often a checkpoint is written.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(10);
+/// The adjoint of this problem is tested with vectors made from this seed.
+const SEED: u64 = 1;
+
+/// `unscatter light-map`: from painted strokes to a light map, pictures and a report.
+pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Done> {
+    let mut steps = Steps::new(manners.quiet);
+    steps.begin("reading", None);
+    let scene = job::load(&arguments.scene, &arguments.solve_overrides())?;
+    let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
+    watch_interrupt()?;
+
+    steps.begin("tracing", None);
+    let problem = LightMapProblem::new(&scene)?;
+    let checkpoint = resume::Keeper::new(&folder, &scene, &problem);
+    let resumed = if arguments.resume { Some(checkpoint.read()?) } else { None };
+
+    steps.begin("walking", None);
+    let operator = problem.operator(&scene, job::budget(&scene, &problem)?)?;
+    let coverage = operator.squares(&problem.weights())?;
+    let adjoint_error = adjoint_test(&operator, 1, SEED)?.error;
+    tracing::info!(storage = ?operator.storage(), adjoint_error, "operator");
+
+    steps.begin("solving", Some(scene.solve.iterations as u64));
+    let mut saved = Instant::now();
+    let solved = solve(&problem, &operator, &coverage, &scene.solve, resumed, |history, state, texels| {
+        if let Some(last) = history.progress.last() {
+            let worst = last.normal_residual.iter().copied().fold(0.0, f64::max);
+            steps.advance(last.iteration as u64, format!("normal residual {worst:.1e}"));
+            if arguments.preview_every.is_some_and(|every| last.iteration % every as usize == 0) {
+                preview(&scene, &problem, &folder, &texels())?;
+            }
+        }
+        if saved.elapsed() > CHECKPOINT_EVERY {
+            checkpoint.write(history, &state()?)?;
+            saved = Instant::now();
+        }
+        Ok(if interrupted() { Control::Stop } else { Control::Continue })
+    })?;
+    checkpoint.write(&solved.outcome.history, &solved.state)?;
+
+    steps.begin("rendering", Some(scene.views.len() as u64));
+    let pictures = draw(&scene, &problem, &solved.light_map, &steps)?;
+    steps.begin("writing", None);
+    let light_map = light_map_picture(&problem, solved.light_map.clone())?;
+    let coverage_picture = coverage_picture(&problem, &coverage)?;
+    write_pictures(&scene, &folder, &light_map, &coverage_picture, &pictures)?;
+    let views = scene.views.len();
+    let findings = Findings {
+        scene: &scene,
+        problem: &problem,
+        operator: &operator,
+        coverage: &coverage,
+        solved: &solved,
+        before: assess(&problem, &operator, &start(&problem), views)?,
+        after: assess(&problem, &operator, &CpuVector(solved.light_map.clone()), views)?,
+        adjoint_error,
+    };
+    let report = findings.report(steps.finish());
+    let page = report::html(&report, &in_page(&scene, &light_map, &coverage_picture, &pictures)?)?;
+    folder.write_text("report.json", &report.to_json()?)?;
+    folder.write_text("report.html", &page)?;
+    manners.print(&report.to_json()?, &summary(&report, &folder));
+    let was_interrupted = solved.outcome.stop.reason == StopReason::Interrupted;
+    Ok(if was_interrupted { Done::Interrupted } else { Done::Completely })
+}
+
+impl LightMapArguments {
+    /// The flags that stand for values of the scene.
+    fn solve_overrides(&self) -> Vec<String> {
+        let flag = |name: &str, value: Option<String>| value.map(|value| format!("solve.{name}={value}"));
+        [
+            flag("solver", self.solver.clone()),
+            flag("iterations", self.iterations.map(|n| n.to_string())),
+            flag("tolerance", self.tolerance.map(|x| x.to_string())),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+}
+
+/// The constant light map that a solve starts from.
+fn start(problem: &LightMapProblem) -> CpuVector {
+    CpuVector(vec![problem.start; problem.maps.light_map.len()])
+}
+
+/// The pictures of all views under a light map.
+fn draw(scene: &Scene, problem: &LightMapProblem, texels: &[Rgb], steps: &Steps) -> Result<Vec<ViewPictures>> {
+    let draw_view = |view: usize| {
+        let rendering = render(scene, &problem.maps, Some(texels), view)?;
+        let width = scene.views[view].camera.size()[0];
+        let wanted = problem.wanted(view).map(|(x, y, change)| (y * width + x, change));
+        let pictures = ViewPictures::new(scene, view, &problem.paintings[view], wanted, rendering);
+        steps.advance(view as u64 + 1, String::new());
+        Ok(pictures)
+    };
+    (0..scene.views.len()).map(draw_view).collect()
+}
+
+fn preview(scene: &Scene, problem: &LightMapProblem, folder: &Folder, texels: &[Rgb]) -> Result<()> {
+    folder.write_picture("light_map", &light_map_picture(problem, texels.to_vec())?, scene.exposure)?;
+    for (view, seen) in scene.views.iter().enumerate() {
+        let after = render(scene, &problem.maps, Some(texels), view)?.after;
+        folder.write_picture(&format!("{}_after", seen.name), &after, scene.exposure)?;
+    }
+    Ok(())
+}
+
+fn light_map_picture(problem: &LightMapProblem, texels: Vec<Rgb>) -> Result<Image> {
+    Image::new(problem.maps.light_map.size, texels)?.finite("the light map")
+}
+
+/// The coverage as a picture: the logarithm of diag(Tᵀ W T) over six decades, black where no ray arrives.
+fn coverage_picture(problem: &LightMapProblem, coverage: &CpuVector) -> Result<Image> {
+    let most = coverage.0.iter().flatten().copied().fold(f32::MIN_POSITIVE, f32::max);
+    let shade = |value: f32| if value > 0.0 { ((value / most).log10() / 6.0 + 1.0).clamp(0.05, 1.0) } else { 0.0 };
+    Image::new(problem.maps.light_map.size, coverage.0.iter().map(|texel| texel.map(shade)).collect())
+}
+
+fn write_pictures(
+    scene: &Scene,
+    folder: &Folder,
+    light_map: &Image,
+    coverage: &Image,
+    pictures: &[ViewPictures],
+) -> Result<()> {
+    folder.write_picture("light_map", light_map, scene.exposure)?;
+    io::image::write_png(&folder.file("coverage.png"), coverage, 0.0)?;
+    pictures.iter().try_for_each(|view| view.write(folder, scene.exposure))
+}
+
+fn in_page(
+    scene: &Scene,
+    light_map: &Image,
+    coverage: &Image,
+    pictures: &[ViewPictures],
+) -> Result<report::Pictures> {
+    Ok(report::Pictures {
+        views: pictures.iter().map(|view| view.for_report(scene.exposure)).collect::<Result<_>>()?,
+        light_map: io::image::png_bytes(light_map, scene.exposure)?,
+        coverage: Some(io::image::png_bytes(coverage, 0.0)?),
+    })
+}
+
+fn summary(report: &Report, folder: &Folder) -> String {
+    let hue = |change: Option<&report::Change>| {
+        change.map_or(String::new(), |hue| format!(", hue off by {:.1}° → {:.1}°", hue.before, hue.after))
+    };
+    let mut lines = vec![format!(
+        "{} painted pixels in {} views, {} of {} texels reached, {} non-zeros",
+        report.problem.rows,
+        report.problem.views,
+        report.problem.active_unknowns,
+        report.problem.unknowns,
+        report.problem.nonzeros
+    )];
+    for view in &report.matched {
+        lines.push(format!(
+            "  {:<16} residual {:.3} → {:.3}{}",
+            view.view,
+            view.weighted_residual.before,
+            view.weighted_residual.after,
+            hue(view.uncontested_hue_error.as_ref())
+        ));
+    }
+    lines.push(format!(
+        "residual {:.3} → {:.3}, {} iterations ({}), {:.2} s in all",
+        report.weighted_residual.before,
+        report.weighted_residual.after,
+        report.stop.iteration,
+        report.stop.reason,
+        report.timings.get("total").copied().unwrap_or_default()
+    ));
+    lines.push(format!("results in {}", folder.path().join("report.html").display()));
+    lines.join("\n")
+}

@@ -1,0 +1,114 @@
+//! The command: the only home of printing and exit codes.
+
+mod args;
+mod check;
+mod diagnostics;
+mod doctor;
+mod findings;
+mod job;
+mod light_map;
+mod machine;
+mod matrix;
+mod plan;
+mod progress;
+mod render;
+mod results;
+mod resume;
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser};
+
+use args::{Arguments, Command};
+
+use crate::{Error, Fault, Result, io};
+
+/// Exit code where the input is at fault.
+const INPUT: u8 = 1;
+/// Exit code where the machine is at fault.
+const MACHINE: u8 = 3;
+/// Exit code after Ctrl-C.
+const INTERRUPTED: i32 = 130;
+
+/// How a command ended that did not fail.
+enum Done {
+    Completely,
+    /// What was computed so far is written.
+    Interrupted,
+    /// Everything ran, and a law was found broken.
+    Broken,
+}
+
+/// How results and progress are shown.
+#[derive(Debug, Clone, Copy)]
+struct Manners {
+    json: bool,
+    quiet: bool,
+}
+
+impl Manners {
+    /// Prints a result: as JSON or as a person reads it.
+    fn print(&self, json: &str, words: &str) {
+        let text = if self.json { json } else { words };
+        // A reader that has gone away, such as `head`, is no reason to fail.
+        let _gone = writeln!(std::io::stdout().lock(), "{text}");
+    }
+}
+
+/// Runs the command that the arguments of the process ask for.
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    watch_verbosity(&arguments);
+    if let Some(threads) = arguments.threads {
+        // Fails only where a pool exists already, and here none does.
+        let _existing = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
+    }
+    let manners = Manners { json: arguments.json, quiet: arguments.quiet };
+    match run(&arguments.command, &manners) {
+        Ok(Done::Completely) => ExitCode::SUCCESS,
+        Ok(Done::Interrupted) => ExitCode::from(INTERRUPTED as u8),
+        Ok(Done::Broken) => ExitCode::from(INPUT),
+        Err(error) => {
+            diagnostics::show(&error);
+            ExitCode::from(match error.fault() {
+                Fault::Machine => MACHINE,
+                Fault::Input => INPUT,
+            })
+        }
+    }
+}
+
+fn run(command: &Command, manners: &Manners) -> Result<Done> {
+    match command {
+        Command::LightMap(arguments) => light_map::run(arguments, manners),
+        Command::Render(arguments) => render::run(arguments, manners),
+        Command::Plan(arguments) => plan::run(arguments, manners),
+        Command::Check(arguments) => check::run(arguments, manners),
+        Command::Matrix(arguments) => matrix::run(arguments, manners),
+        Command::Doctor => doctor::run(manners),
+        Command::Schema => {
+            let schema = to_json(&io::scene_file::schema())?;
+            manners.print(&schema, &schema);
+            Ok(Done::Completely)
+        }
+        Command::Completions { shell } => {
+            clap_complete::generate(*shell, &mut Arguments::command(), "unscatter", &mut std::io::stdout());
+            Ok(Done::Completely)
+        }
+    }
+}
+
+fn to_json(value: &impl serde::Serialize) -> Result<String> {
+    serde_json::to_string_pretty(value).map_err(|error| Error::Machine(format!("cannot write JSON: {error}")))
+}
+
+fn watch_verbosity(arguments: &Arguments) {
+    let level = match (arguments.quiet, arguments.verbose) {
+        (true, _) => tracing::Level::ERROR,
+        (_, 0) => tracing::Level::WARN,
+        (_, 1) => tracing::Level::INFO,
+        _ => tracing::Level::DEBUG,
+    };
+    tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).with_target(false).init();
+}

@@ -1,0 +1,127 @@
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::args::SceneArguments;
+use super::progress::Steps;
+use super::{Done, Manners, job, machine, to_json};
+use crate::Result;
+use crate::operator::{LinearOperator, Vector};
+use crate::problem::LightMapProblem;
+use crate::scene::Strategy;
+
+/// Products of T and of its adjoint that an iteration takes.
+const APPLICATIONS: f64 = 2.0;
+
+#[derive(Serialize)]
+struct Plan {
+    scene: String,
+    views: usize,
+    pixels: usize,
+    rows: usize,
+    unknowns: usize,
+    /// Foreseen from a sample of the rows.
+    nonzeros: u64,
+    matrix_bytes: u64,
+    other_bytes: u64,
+    budget_bytes: u64,
+    strategy: &'static str,
+    /// Share of the rows that is kept.
+    kept: f64,
+    /// Length of the rays over the light map, in texels, and the part of it that is lit.
+    texels: f64,
+    lit_texels: f64,
+    set_up_seconds: f64,
+    seconds_per_iteration: f64,
+    iterations: usize,
+}
+
+/// `unscatter plan`: what a solve would take.
+pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done> {
+    let mut steps = Steps::new(manners.quiet);
+    steps.begin("reading", None);
+    let scene = job::load(arguments, &[])?;
+    steps.begin("tracing", None);
+    let clock = Instant::now();
+    let problem = LightMapProblem::new(&scene)?;
+    let set_up_seconds = clock.elapsed().as_secs_f64();
+    let budget = job::budget(&scene, &problem)?;
+    let rows = problem.constraints.len();
+    let kept = match scene.solve.strategy {
+        Strategy::MatrixFree => 0.0,
+        _ => (budget as f64 / problem.plan.bytes.max(1) as f64).min(1.0),
+    };
+    let extents = (0..rows).map(|row| problem.traversal.extent(row));
+    let (texels, lit_texels) = extents.fold((0.0, 0.0), |(all, lit), row| (all + row.texels, lit + row.lit_texels));
+    let plan = Plan {
+        scene: scene.name.clone(),
+        views: scene.views.len(),
+        pixels: scene.views.iter().map(|view| view.camera.size().iter().product::<usize>()).sum(),
+        rows,
+        unknowns: problem.maps.light_map.len(),
+        nonzeros: problem.plan.nonzeros,
+        matrix_bytes: problem.plan.bytes,
+        other_bytes: job::fixed_bytes(&scene, &problem),
+        budget_bytes: scene.solve.memory.unwrap_or_else(machine::default_budget),
+        strategy: if kept >= 1.0 {
+            "assembled"
+        } else if kept > 0.0 {
+            "mixed"
+        } else {
+            "matrix-free"
+        },
+        kept,
+        texels,
+        lit_texels,
+        set_up_seconds,
+        seconds_per_iteration: seconds_per_iteration(&problem, kept)?,
+        iterations: scene.solve.iterations,
+    };
+    steps.finish();
+    manners.print(&to_json(&plan)?, &words(&plan));
+    Ok(Done::Completely)
+}
+
+/// Times both products on a sample of the rows, kept and walked, and scales them up.
+fn seconds_per_iteration(problem: &LightMapProblem, kept: f64) -> Result<f64> {
+    let (sample, share) = problem.sampled(4096);
+    let timed = |strategy: Strategy| -> Result<f64> {
+        let operator = sample.operator_with(strategy, u64::MAX)?;
+        let (mut x, mut y) = (operator.domain(), operator.range());
+        x.fill([1.0; 3]);
+        let clock = Instant::now();
+        operator.apply(&x, &mut y)?;
+        operator.apply_adjoint(&y, &mut x)?;
+        Ok(clock.elapsed().as_secs_f64() / APPLICATIONS)
+    };
+    let application = kept * timed(Strategy::Assembled)? + (1.0 - kept) * timed(Strategy::MatrixFree)?;
+    Ok(APPLICATIONS * application / share)
+}
+
+fn words(plan: &Plan) -> String {
+    let iteration = plan.seconds_per_iteration;
+    format!(
+        "{}: {} views, {} pixels\n\
+         rows        {} painted pixels; the other pixels are skipped\n\
+         unknowns    {} texels, of which only those that painted rays reach are solved for\n\
+         non-zeros   about {}; {:.0} % of the rays' length over the map is in shadow and skipped\n\
+         matrix      {} if kept, and {} for everything else; {} are allowed\n\
+         strategy    {} ({:.0} % of the rows are kept)\n\
+         time        {:.2} s to set up, then about {iteration:.3} s an iteration: at most {:.1} s for {} iterations",
+        plan.scene,
+        plan.views,
+        plan.pixels,
+        plan.rows,
+        plan.unknowns,
+        plan.nonzeros,
+        100.0 * (1.0 - plan.lit_texels / plan.texels.max(f64::MIN_POSITIVE)),
+        job::mebibytes(plan.matrix_bytes),
+        job::mebibytes(plan.other_bytes),
+        job::mebibytes(plan.budget_bytes),
+        plan.strategy,
+        100.0 * plan.kept,
+        plan.set_up_seconds,
+        iteration * plan.iterations as f64,
+        plan.iterations,
+    )
+}

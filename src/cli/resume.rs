@@ -1,0 +1,73 @@
+use std::path::PathBuf;
+
+use super::results::Folder;
+use crate::io::Checkpoint;
+use crate::problem::{LightMapProblem, Paused};
+use crate::scene::Scene;
+use crate::solve::{History, Measure, Progress, State};
+use crate::{Error, Result};
+
+/// Numbers of one entry of the history.
+const ENTRY: usize = 9;
+
+/// Keeps a solve in the checkpoint of its output folder.
+#[derive(Debug)]
+pub(super) struct Keeper {
+    path: PathBuf,
+    fingerprint: u64,
+}
+
+impl Keeper {
+    pub(super) fn new(folder: &Folder, scene: &Scene, problem: &LightMapProblem) -> Self {
+        Self { path: folder.file("checkpoint"), fingerprint: fingerprint(scene, problem) }
+    }
+
+    pub(super) fn write(&self, history: &History, state: &State) -> Result<()> {
+        let start = [history.start.residual, history.start.normal_residual].concat();
+        let entries = history.progress.iter().flat_map(|entry| {
+            let [r, s] = [entry.residual, entry.normal_residual];
+            let counts = [entry.iteration as f64, entry.seconds, entry.operator_applications as f64];
+            [counts, r, s].concat()
+        });
+        let mut blocks = vec![start, entries.collect(), state.scalars.clone()];
+        blocks.extend(state.vectors.iter().map(|vector| vector.as_flattened().to_vec()));
+        Checkpoint { fingerprint: self.fingerprint, blocks }.write(&self.path)
+    }
+
+    pub(super) fn read(&self) -> Result<Paused> {
+        let wrong = || Error::Checkpoint { path: self.path.clone(), reason: "it is incomplete".to_owned() };
+        let checkpoint = Checkpoint::read(&self.path, self.fingerprint)?;
+        let [start, entries, scalars, vectors @ ..] = &checkpoint.blocks[..] else { return Err(wrong()) };
+        let &[r0, r1, r2, s0, s1, s2] = &start[..] else { return Err(wrong()) };
+        let (entries, rest) = entries.as_chunks::<ENTRY>();
+        if entries.is_empty() || !rest.is_empty() {
+            return Err(wrong());
+        }
+        let progress = entries.iter().map(|&[iteration, seconds, applications, r0, r1, r2, s0, s1, s2]| Progress {
+            iteration: iteration as usize,
+            seconds,
+            operator_applications: applications as usize,
+            residual: [r0, r1, r2],
+            normal_residual: [s0, s1, s2],
+        });
+        let start = Measure { residual: [r0, r1, r2], normal_residual: [s0, s1, s2] };
+        let history = History { progress: progress.collect(), start };
+        let vectors = vectors.iter().map(|vector| vector.as_chunks::<3>().0.to_vec()).collect();
+        Ok(Paused { history, state: State { vectors, scalars: scalars.clone() } })
+    }
+}
+
+/// FNV-1a over everything that the path of a solve depends on; limits may change between its parts.
+fn fingerprint(scene: &Scene, problem: &LightMapProblem) -> u64 {
+    let settings = &scene.solve;
+    let mut words = vec![
+        format!("{:?} {:?} {:?} {:?}", settings.solver, settings.basis, settings.quadrature, settings.regularization),
+        format!("{:?} {:?}", problem.maps.light_map, problem.maps.shadow_map.grid()),
+        format!("{:?} {:?}", scene.medium, scene.light),
+        format!("{:?} {}", settings.strategy, settings.transmittance_bound),
+    ];
+    words.extend(problem.constraints.iter().zip(&problem.targets).map(|row| format!("{row:?}")));
+    words.iter().flat_map(|word| word.bytes()).fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}

@@ -1,0 +1,120 @@
+//! What a solve needs to be continued, in one file.
+//!
+//! A line of magic, a line of JSON with the lengths, then all numbers as little-endian f64: f32 vectors survive
+//! the way there and back to the last bit.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::write_whole;
+use crate::{Error, Result};
+
+const MAGIC: &str = "unscatter checkpoint 1";
+
+/// Named blocks of numbers, and which problem they belong to.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Checkpoint {
+    /// Identifies problem and method; a checkpoint is of no use to another one.
+    pub fingerprint: u64,
+    /// The numbers.
+    pub blocks: Vec<Vec<f64>>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    /// As text, for JSON numbers are not 64 bits wide everywhere.
+    fingerprint: String,
+    lengths: Vec<u64>,
+}
+
+impl Checkpoint {
+    /// Writes the file whole or not at all.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let header = Header {
+            fingerprint: format!("{:016x}", self.fingerprint),
+            lengths: self.blocks.iter().map(|block| block.len() as u64).collect(),
+        };
+        let header = serde_json::to_string(&header).map_err(|error| Error::Machine(error.to_string()))?;
+        write_whole(path, |file| {
+            let failed = |source| Error::File { action: "write", path: path.to_owned(), source };
+            writeln!(file, "{MAGIC}\n{header}").map_err(failed)?;
+            for block in &self.blocks {
+                for value in block {
+                    file.write_all(&value.to_le_bytes()).map_err(failed)?;
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Reads a file that [`Checkpoint::write`] has written for the same problem.
+    ///
+    /// Errors: [`Error::Checkpoint`] when it is another problem's, or damaged.
+    pub fn read(path: &Path, fingerprint: u64) -> Result<Self> {
+        let failed = |source| Error::File { action: "read", path: path.to_owned(), source };
+        let wrong = |reason: &str| Error::Checkpoint { path: path.to_owned(), reason: reason.to_owned() };
+        let file = File::open(path).map_err(failed)?;
+        let size = file.metadata().map_err(failed)?.len();
+        let mut file = BufReader::new(file.take(size));
+        let mut line = |limit: u64| -> Result<String> {
+            let mut text = String::new();
+            file.by_ref().take(limit).read_line(&mut text).map_err(|_| wrong("its header is not text"))?;
+            Ok(text)
+        };
+        if line(64)?.trim_end() != MAGIC {
+            return Err(wrong("it is not a checkpoint of this version"));
+        }
+        let header: Header =
+            serde_json::from_str(&line(1 << 16)?).map_err(|_| wrong("its header cannot be read"))?;
+        if header.fingerprint != format!("{fingerprint:016x}") {
+            return Err(wrong("the scene or its settings have changed; solve again without --resume"));
+        }
+        let mut blocks = Vec::new();
+        for length in header.lengths {
+            // Nothing is allocated on the word of the header alone.
+            if length > size / 8 {
+                return Err(wrong("it is shorter than its header says"));
+            }
+            let mut bytes = vec![0; length as usize * 8];
+            file.read_exact(&mut bytes).map_err(|_| wrong("it is shorter than its header says"))?;
+            let (words, _) = bytes.as_chunks::<8>();
+            blocks.push(words.iter().map(|&word| f64::from_le_bytes(word)).collect());
+        }
+        Ok(Self { fingerprint, blocks })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_survive_and_other_problems_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("checkpoint");
+        let saved = Checkpoint { fingerprint: u64::MAX - 5, blocks: vec![vec![0.1, -0.0, 1e-310], vec![], vec![3.0]] };
+        saved.write(&path).unwrap();
+        assert_eq!(Checkpoint::read(&path, u64::MAX - 5).unwrap(), saved);
+        assert!(matches!(Checkpoint::read(&path, 7), Err(Error::Checkpoint { .. })));
+    }
+
+    #[test]
+    fn damaged_files_are_errors() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("checkpoint");
+        Checkpoint { fingerprint: 1, blocks: vec![vec![1.0; 9]] }.write(&path).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        for cut in 0..whole.len() {
+            std::fs::write(&path, &whole[..cut]).unwrap();
+            assert!(Checkpoint::read(&path, 1).is_err(), "{cut} bytes");
+        }
+        let absurd = format!("{MAGIC}\n{{\"fingerprint\":\"0000000000000001\",\"lengths\":[{}]}}\n", u64::MAX);
+        std::fs::write(&path, absurd).unwrap();
+        assert!(Checkpoint::read(&path, 1).is_err());
+    }
+}
