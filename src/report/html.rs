@@ -73,12 +73,12 @@ fn head(report: &Report) -> String {
 
 fn light_map(report: &Report, pictures: &Pictures) -> Result<String> {
     let coverage = &report.coverage;
-    let mut figures =
+    let found =
         figure("found", "The light map", "what the light passes through", "light_map", &pictures.light_map)?;
-    if let Some(png) = &pictures.coverage {
-        let note = "where the painted pixels reach it";
-        figures.push_str(&figure("coverage", "Coverage", note, "coverage", png)?);
-    }
+    let reach = match &pictures.coverage {
+        Some(png) => figure("coverage", "Coverage", "where the painted pixels reach it", "coverage", png)?,
+        None => String::new(),
+    };
     let weak = match coverage.weak {
         Some(weak) if weak > 0 => format!(
             " Of those, {} get so little light to the paint that mostly the regularization decides them.",
@@ -87,9 +87,9 @@ fn light_map(report: &Report, pictures: &Pictures) -> Result<String> {
         _ => String::new(),
     };
     Ok(format!(
-        "<section>\n<h2>Light map</h2>\n<div class=\"maps\">\n{figures}</div>\n<p>The painted pixels reach {} \
+        "<section>\n<h2>Light map</h2>\n<div class=\"maps\">\n{found}<div class=\"beside\">\n<p>The painted pixels reach {} \
          of its {} texels ({}).{weak} The other {} keep their start value: no stroke says anything about \
-         them.</p>\n</section>\n",
+         them.</p>\n{reach}</div>\n</div>\n</section>\n",
         count(coverage.reached),
         count(coverage.total),
         percent(super::words::share(coverage.reached, coverage.total)),
@@ -172,5 +172,4 @@ fn png_size(png: &[u8]) -> Option<[u32; 2]> {
 }
 
 #[cfg(test)]
-#[path = "html_tests.rs"]
 mod tests;

@@ -27,7 +27,7 @@ fn summary(report: &Report) -> String {
     };
     let time = total(report).map(|s| format!(", in {}", seconds(s))).unwrap_or_default();
     format!(
-        "{}, {}: the painted pixels moved from {} to {} away from their painted colours{hue}{time}. \
+        "{}, {}: they moved from {} to {} away from the paint{hue}{time}. \
          It stopped {}, after {}.",
         counted(report.problem.views, "view"),
         counted(painted_pixels(report), "painted pixel"),
@@ -132,8 +132,8 @@ pub(super) fn skipped(report: &Report) -> String {
         })
         .collect();
     format!(
-        "<section>\n<h2>What was skipped</h2>\n<p>Nothing in this table changes the result; it is work that did \
-         not have to be done.</p>\n<table class=\"skipped\">\n<tbody>\n{rows}</tbody>\n</table>\n</section>\n"
+        "<section>\n<h2>What was skipped</h2>\n<p>Work that did not have to be done, because the \
+         result does not noticeably depend on it.</p>\n<table class=\"skipped\">\n<tbody>\n{rows}</tbody>\n</table>\n</section>\n"
     )
 }
 
@@ -162,6 +162,7 @@ fn bars(title: &str, note: &str, mut parts: Vec<(&String, f64, String)>) -> Stri
     if parts.is_empty() {
         return String::new();
     }
+    let note = if note.is_empty() { String::new() } else { format!("<p>{note}</p>\n") };
     parts.retain(|(name, ..)| !["total", "peak", "budget"].contains(&name.as_str()));
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
     let most = parts.first().map_or(1.0, |part| part.1.max(f64::MIN_POSITIVE));
@@ -176,7 +177,7 @@ fn bars(title: &str, note: &str, mut parts: Vec<(&String, f64, String)>) -> Stri
         })
         .collect();
     format!(
-        "<section>\n<h2>{title}</h2>\n<p>{note}</p>\n<table class=\"bars\">\n<tbody>\n{rows}</tbody>\n</table>\n\
+        "<section>\n<h2>{title}</h2>\n{note}<table class=\"bars\">\n<tbody>\n{rows}</tbody>\n</table>\n\
          </section>\n"
     )
 }

@@ -124,7 +124,7 @@ fn names_cannot_become_markup() {
 fn the_summary_says_what_happened() {
     let page = html(&example(), &pictures()).unwrap().replace('\u{a0}', " ");
     for words in [
-        "3 views, 41,238 painted pixels: the painted pixels moved from 82.3 % to 8.1 %",
+        "3 views, 41,238 painted pixels: they moved from 82.3 % to 8.1 %",
         "mean hue error from 65.9° to 6.1°",
         ", in 1.2 s.",
         "after 18 iterations",
