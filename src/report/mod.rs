@@ -1,1 +1,16 @@
-//! report
+//! What a solve did, for people and for programs: `report.json`, `report.html`, convergence plots.
+
+mod data;
+mod example;
+mod html;
+mod page;
+mod plot;
+mod ticks;
+mod words;
+
+pub use data::{
+    Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord, ViewMatch,
+};
+pub use example::example;
+pub use html::{Pictures, ViewPictures, html};
+pub use plot::{Axis, Chart, Curve, Spacing, chart, convergence};

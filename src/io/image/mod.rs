@@ -1,0 +1,207 @@
+//! Pictures in and out: EXR is linear, PNG and JPEG are sRGB, HDR is read only.
+
+mod coded;
+mod openexr;
+mod srgb;
+
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, Write};
+use std::path::Path;
+
+use super::whole::write_whole;
+use crate::scene::{Camera, Image, RgbaImage};
+use crate::{Error, Result};
+
+pub use openexr::write_exr;
+pub use srgb::{linear_from_srgb, srgb_from_linear};
+
+/// The picture as the bytes of an 8-bit sRGB PNG file, brightened by `exposure` stops.
+///
+/// Errors: [`Error::NonFinite`] for a NaN or an infinity, [`Error::Value`] for a picture that is empty or larger than
+/// 16384 pixels a side, or an exposure that is not finite.
+pub fn png_bytes(image: &Image, exposure: f64) -> Result<Vec<u8>> {
+    check_writable(image, "the picture")?;
+    coded::png_bytes(image, exposure)
+}
+
+/// Writes the picture as an 8-bit sRGB PNG, brightened by `exposure` stops.
+///
+/// Errors: as [`png_bytes`], and [`Error::File`].
+pub fn write_png(path: &Path, image: &Image, exposure: f64) -> Result<()> {
+    check_writable(image, &path.display().to_string())?;
+    let bytes = coded::png_bytes(image, exposure)?;
+    write_whole(path, |file| file.write_all(&bytes).map_err(|source| file_error("write", path, source)))
+}
+
+/// Reads an EXR, PNG, HDR or JPEG picture as linear radiance; its content says which it is, not its name.
+///
+/// Alpha is left out: the colours of an EXR are radiance already, those of a PNG are straight. Grey becomes RGB. The
+/// size is that of the display window; what the data window of an EXR leaves open is black.
+///
+/// Errors: [`Error::File`] when it cannot be read, [`Error::Format`] when it is damaged, holds a NaN or an infinity, or
+/// is larger than 16384 pixels a side.
+pub fn read_image(path: &Path) -> Result<Image> {
+    let source = Source::open(path)?;
+    let (size, pixels) = match source.format {
+        Format::Exr => openexr::read::<3>(path, source.file, source.bytes)?,
+        _ => coded::read::<3>(path, source)?,
+    };
+    check_finite(path, size, &pixels)?;
+    Image::new(size, pixels)
+}
+
+/// Reads a painted layer from an EXR or PNG picture with alpha, which is the weight of the constraint.
+///
+/// The alpha of an EXR is divided out of its colours; that of a PNG never was in them.
+///
+/// Errors: as [`read_image`], and [`Error::Format`] when there is no alpha or it is outside [0, 1].
+pub fn read_layer(path: &Path) -> Result<RgbaImage> {
+    let source = Source::open(path)?;
+    let (size, pixels) = match source.format {
+        Format::Exr => {
+            let (size, mut pixels) = openexr::read::<4>(path, source.file, source.bytes)?;
+            // Before alpha is divided out, so that a bad alpha is not blamed on the colour.
+            check_weights(path, size, &pixels)?;
+            pixels.iter_mut().for_each(divide_out_alpha);
+            (size, pixels)
+        }
+        _ => coded::read::<4>(path, source)?,
+    };
+    check_finite(path, size, &pixels)?;
+    RgbaImage::new(size, pixels)
+}
+
+/// What a picture file is, by its first bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Exr,
+    Png,
+    Jpeg,
+    Hdr,
+}
+
+impl Format {
+    const SIGNATURES: [(Self, &'static [u8]); 5] = [
+        (Self::Exr, &[0x76, 0x2f, 0x31, 0x01]),
+        (Self::Png, b"\x89PNG\r\n\x1a\n"),
+        (Self::Jpeg, &[0xff, 0xd8, 0xff]),
+        (Self::Hdr, b"#?RADIANCE"),
+        (Self::Hdr, b"#?RGBE"),
+    ];
+
+    fn of(start: &[u8]) -> Option<Self> {
+        Self::SIGNATURES.iter().find(|(_, signature)| start.starts_with(signature)).map(|&(format, _)| format)
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Exr => "EXR",
+            Self::Png => "PNG",
+            Self::Jpeg => "JPEG",
+            Self::Hdr => "HDR",
+        }
+    }
+}
+
+/// An opened picture file, at its start.
+struct Source {
+    file: BufReader<File>,
+    bytes: u64,
+    format: Format,
+}
+
+impl Source {
+    fn open(path: &Path) -> Result<Self> {
+        let refused = |source| file_error("read", path, source);
+        let mut file = File::open(path).map_err(refused)?;
+        let bytes = file.metadata().map_err(refused)?.len();
+        let mut start = Vec::new();
+        (&file).take(16).read_to_end(&mut start).map_err(refused)?;
+        file.rewind().map_err(refused)?;
+        let format = Format::of(&start).ok_or_else(|| {
+            format_error(path, "picture", "its first bytes are not those of an EXR, PNG, HDR or JPEG file")
+        })?;
+        Ok(Self { file: BufReader::new(file), bytes, format })
+    }
+}
+
+/// Refuses sizes that are absurd, or that a file this short cannot hold in any compression, before they are allocated.
+fn check_size(path: &Path, format: Format, size: [usize; 2], decoded: u128, stored: u64) -> Result<()> {
+    /// Beyond what runs of equal pixels compress to, and still little enough to stop a header without a body.
+    const DENSEST: u128 = 1 << 14;
+    let [width, height] = size;
+    if size.iter().any(|&side| side == 0 || side > Camera::MAX_SIZE) {
+        let reason =
+            format!("it is {width} × {height} pixels, and a side must be from 1 to {}", Camera::MAX_SIZE);
+        return Err(format_error(path, format.name(), reason));
+    }
+    if decoded > DENSEST * u128::from(stored) {
+        let reason = format!("{stored} bytes are too few for {width} × {height} pixels; it may be cut short");
+        return Err(format_error(path, format.name(), reason));
+    }
+    Ok(())
+}
+
+fn divide_out_alpha(pixel: &mut [f32; 4]) {
+    let [color @ .., alpha] = pixel;
+    if *alpha > 0.0 {
+        color.iter_mut().for_each(|c| *c /= *alpha);
+    }
+}
+
+fn check_weights(path: &Path, size: [usize; 2], pixels: &[[f32; 4]]) -> Result<()> {
+    match pixels.iter().position(|p| !(0.0..=1.0).contains(&p[3])) {
+        None => Ok(()),
+        Some(index) => {
+            let reason = format!(
+                "alpha is {} at {}; it is the weight of the constraint and must be from 0 to 1",
+                pixels[index][3],
+                place(index, size)
+            );
+            Err(format_error(path, Format::Exr.name(), reason))
+        }
+    }
+}
+
+fn check_finite<const N: usize>(path: &Path, size: [usize; 2], pixels: &[[f32; N]]) -> Result<()> {
+    match not_finite(pixels) {
+        None => Ok(()),
+        Some(index) => {
+            Err(format_error(path, "picture", format!("{} is not a finite number", place(index, size))))
+        }
+    }
+}
+
+/// Whether there is something to write and all of it is finite.
+fn check_writable(image: &Image, what: &str) -> Result<()> {
+    let [width, height] = image.size();
+    if [width, height].iter().any(|&side| side == 0 || side > Camera::MAX_SIZE) {
+        return Err(Error::value("size", format!("{width} × {height}"), "from 1 to 16384 pixels a side"));
+    }
+    if image.pixels.len() != width * height {
+        return Err(Error::Shape { what: "a picture", expected: width * height, got: image.pixels.len() });
+    }
+    match not_finite(&image.pixels) {
+        None => Ok(()),
+        Some(index) => Err(Error::NonFinite { what: what.to_owned(), place: place(index, image.size()) }),
+    }
+}
+
+fn not_finite<const N: usize>(pixels: &[[f32; N]]) -> Option<usize> {
+    pixels.iter().position(|pixel| !pixel.iter().all(|c| c.is_finite()))
+}
+
+fn place(index: usize, size: [usize; 2]) -> String {
+    format!("pixel ({}, {})", index % size[0], index / size[0])
+}
+
+fn format_error(path: &Path, format: &'static str, reason: impl Into<String>) -> Error {
+    Error::Format { path: path.to_owned(), format, reason: reason.into() }
+}
+
+fn file_error(action: &'static str, path: &Path, source: std::io::Error) -> Error {
+    Error::File { action, path: path.to_owned(), source }
+}
+
+#[cfg(test)]
+mod tests;

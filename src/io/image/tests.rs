@@ -1,0 +1,408 @@
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+use ::exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image as ExrImage, Layer};
+use ::exr::image::{Levels, write::WritableImage};
+use ::exr::math::Vec2;
+use ::exr::meta::attribute::{Compression, IntegerBounds, LineOrder};
+use ::exr::meta::header::{ImageAttributes, LayerAttributes};
+use ::exr::prelude::f16;
+use ::image::{DynamicImage, ImageBuffer, ImageFormat};
+use proptest::prelude::*;
+use tempfile::TempDir;
+
+use super::*;
+
+/// A folder that is there as long as the test.
+struct Folder(TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn holding(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.file(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    }
+}
+
+fn picture() -> Image {
+    let pixels = (0..35).map(|i| [i as f32 * 0.25, 1.0 / (1.0 + i as f32), -1e-3 * i as f32]).collect();
+    Image::new([7, 5], pixels).unwrap()
+}
+
+/// Channels of one value each, or of their own values, in one EXR file.
+fn exr_bytes(size: [usize; 2], channels: &[(&str, FlatSamples)], encoding: Encoding) -> Vec<u8> {
+    placed_exr(size, channels, encoding, [0, 0], IntegerBounds::from_dimensions((size[0], size[1])))
+}
+
+fn placed_exr(
+    size: [usize; 2],
+    channels: &[(&str, FlatSamples)],
+    encoding: Encoding,
+    position: [i32; 2],
+    display: IntegerBounds,
+) -> Vec<u8> {
+    let list = channels.iter().map(|(name, samples)| AnyChannel::new(*name, samples.clone()));
+    let attributes = LayerAttributes::default().with_position(Vec2(position[0], position[1]));
+    let layer = Layer::new((size[0], size[1]), attributes, encoding, AnyChannels::sort(list.collect()));
+    let image = ExrImage::from_layers(ImageAttributes::new(display), vec![layer]);
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write().non_parallel().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
+fn constant(value: f32, size: [usize; 2]) -> FlatSamples {
+    FlatSamples::F32(vec![value; size[0] * size[1]])
+}
+
+fn coded_bytes(image: DynamicImage, format: ImageFormat) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, format).unwrap();
+    bytes.into_inner()
+}
+
+fn reason(result: Result<impl std::fmt::Debug>) -> String {
+    match result {
+        Err(Error::Format { reason, .. }) => reason,
+        other => panic!("a format error was expected, not {other:?}"),
+    }
+}
+
+#[test]
+fn an_exr_comes_back_bit_by_bit() {
+    let folder = Folder::new();
+    let path = folder.file("a.exr");
+    write_exr(&path, &picture()).unwrap();
+    assert_eq!(read_image(&path).unwrap(), picture());
+    let bytes = std::fs::read(&path).unwrap();
+    write_exr(&path, &picture()).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), bytes, "the same picture makes the same file");
+}
+
+#[test]
+fn what_other_programs_may_see_is_plain() {
+    let folder = Folder::new();
+    let path = folder.file("a.exr");
+    write_exr(&path, &picture()).unwrap();
+    let meta = ::exr::meta::MetaData::read_from_file(&path, true).unwrap();
+    let [header] = meta.headers.as_slice() else { panic!("one part") };
+    assert_eq!(names_in(header), ["B", "G", "R"]);
+    assert_eq!(header.compression, Compression::ZIP16);
+    assert!(!header.blocks.has_tiles() && header.own_attributes.layer_name.is_none());
+}
+
+fn names_in(header: &::exr::meta::header::Header) -> Vec<String> {
+    header.channels.list.iter().map(|channel| channel.name.to_string()).collect()
+}
+
+#[test]
+fn a_png_comes_back_to_half_a_code_and_exposure_doubles_it() {
+    let folder = Folder::new();
+    let path = folder.file("a.png");
+    let grey = Image::new([3, 1], vec![[0.0, 0.25, 0.5], [1.0, 2.0, -1.0], [0.1, 0.2, 0.3]]).unwrap();
+    for (exposure, factor) in [(0.0, 1.0), (1.0, 2.0), (-2.0, 0.25)] {
+        write_png(&path, &grey, exposure).unwrap();
+        let back = read_image(&path).unwrap();
+        for (wrote, read) in grey.pixels.iter().flatten().zip(back.pixels.iter().flatten()) {
+            let expected = srgb_from_linear((wrote * factor).clamp(0.0, 1.0));
+            assert!((srgb_from_linear(*read) - expected).abs() < 0.501 / 255.0);
+        }
+        assert_eq!(std::fs::read(&path).unwrap(), png_bytes(&grey, exposure).unwrap());
+    }
+    assert!(matches!(png_bytes(&grey, f64::NAN), Err(Error::Value { .. })));
+}
+
+#[test]
+fn a_nan_is_never_written_and_named() {
+    let folder = Folder::new();
+    for bad in [f32::NAN, f32::INFINITY] {
+        let mut image = picture();
+        image.pixels[9][1] = bad;
+        for written in [write_exr(&folder.file("a"), &image), write_png(&folder.file("a"), &image, 0.0)] {
+            assert!(matches!(written, Err(Error::NonFinite { place, .. }) if place == "pixel (2, 1)"));
+        }
+    }
+    assert!(!folder.file("a").exists());
+}
+
+#[test]
+fn pictures_without_pixels_or_with_too_few_are_not_written() {
+    let folder = Folder::new();
+    let mut short = picture();
+    short.pixels.pop();
+    assert!(matches!(write_exr(&folder.file("a"), &short), Err(Error::Shape { .. })));
+    let empty = Image::constant([0, 4], [0.0; 3]);
+    assert!(matches!(write_png(&folder.file("a"), &empty, 0.0), Err(Error::Value { .. })));
+}
+
+#[test]
+fn a_nan_in_a_picture_that_is_read_is_named() {
+    let folder = Folder::new();
+    let samples = |bad| FlatSamples::F32((0..4).map(|i| if i == 2 { bad } else { 0.5 }).collect());
+    for bad in [f32::NAN, f32::NEG_INFINITY] {
+        let channels = [("R", samples(0.0)), ("G", samples(bad)), ("B", samples(0.0))];
+        let path = folder.holding("a.exr", &exr_bytes([2, 2], &channels, Encoding::UNCOMPRESSED));
+        assert!(reason(read_image(&path)).contains("pixel (0, 1)"));
+    }
+}
+
+#[test]
+fn alpha_is_divided_out_of_an_exr_and_was_never_in_a_png() {
+    let folder = Folder::new();
+    let size = [2, 2];
+    let channels = [0.1, 0.2, 0.05, 0.25].map(|value| constant(value, size));
+    let [r, g, b, a] = channels;
+    let bytes = exr_bytes(size, &[("R", r), ("G", g), ("B", b), ("A", a)], Encoding::SMALL_LOSSLESS);
+    let path = folder.holding("a.exr", &bytes);
+    let layer = read_layer(&path).unwrap();
+    for (got, expected) in layer.pixels[3].iter().zip([0.4, 0.8, 0.2, 0.25]) {
+        assert!((got - expected).abs() < 1e-6);
+    }
+    assert_eq!(read_image(&path).unwrap().pixels[3], [0.1, 0.2, 0.05], "as radiance it is as it is");
+
+    let png = ImageBuffer::from_pixel(2, 2, ::image::Rgba([255_u8, 0, 128, 51])).into();
+    let layer = read_layer(&folder.holding("a.png", &coded_bytes(png, ImageFormat::Png))).unwrap();
+    assert_eq!(layer.pixels[0], [1.0, 0.0, linear_from_srgb(128.0 / 255.0), 0.2]);
+    let png = ImageBuffer::from_pixel(2, 2, ::image::Rgba([65535_u16, 0, 1000, 13107])).into();
+    let layer = read_layer(&folder.holding("a.png", &coded_bytes(png, ImageFormat::Png))).unwrap();
+    assert_eq!(layer.pixels[0], [1.0, 0.0, linear_from_srgb(1000.0 / 65535.0), 0.2]);
+    let png = ImageBuffer::from_pixel(2, 2, ::image::LumaA([255_u8, 102])).into();
+    let layer = read_layer(&folder.holding("a.png", &coded_bytes(png, ImageFormat::Png))).unwrap();
+    assert_eq!(layer.pixels[0], [1.0, 1.0, 1.0, 0.4]);
+}
+
+#[test]
+fn a_layer_without_alpha_or_with_an_impossible_one_is_refused() {
+    let folder = Folder::new();
+    let rgb = || DynamicImage::from(ImageBuffer::from_pixel(2, 2, ::image::Rgb([1_u8, 2, 3])));
+    let hdr = DynamicImage::from(rgb().to_rgb32f());
+    for (image, format) in [(rgb(), ImageFormat::Png), (rgb(), ImageFormat::Jpeg), (hdr, ImageFormat::Hdr)] {
+        let path = folder.holding("a", &coded_bytes(image, format));
+        assert!(read_image(&path).is_ok());
+        assert!(reason(read_layer(&path)).contains("alpha"));
+    }
+    let size = [2, 2];
+    let color = ["R", "G", "B"].map(|name| (name, constant(0.5, size)));
+    let path = folder.holding("a", &exr_bytes(size, &color, Encoding::UNCOMPRESSED));
+    assert!(reason(read_layer(&path)).contains("alpha"));
+    for alpha in [-0.1, 1.001, f32::NAN] {
+        let mut channels = color.to_vec();
+        channels.push(("A", constant(alpha, size)));
+        let path = folder.holding("a", &exr_bytes(size, &channels, Encoding::UNCOMPRESSED));
+        assert!(reason(read_layer(&path)).contains("pixel (0, 0)"), "{alpha}");
+    }
+}
+
+#[test]
+fn exr_files_of_other_programs_are_read() {
+    let folder = Folder::new();
+    let size = [70, 40];
+    let ramp: Vec<f32> = (0..70 * 40).map(|i| i as f32 / 64.0).collect();
+    let float = FlatSamples::F32(ramp.clone());
+    let half = FlatSamples::F16(ramp.iter().map(|&value| f16::from_f32(value / 4.0)).collect());
+    let encodings = [Compression::RLE, Compression::PIZ, Compression::ZIP1, Compression::Uncompressed];
+    for compression in encodings {
+        for blocks in [Blocks::ScanLines, Blocks::Tiles(Vec2(32, 16))] {
+            let encoding = Encoding { compression, blocks, line_order: LineOrder::Increasing };
+            for names in [["R", "G", "B", "A"], ["ink.R", "ink.G", "ink.B", "ink.A"]] {
+                let channels = [
+                    (names[0], float.clone()),
+                    (names[1], half.clone()),
+                    (names[2], constant(2.0, size)),
+                    (names[3], constant(1.0, size)),
+                ];
+                let path = folder.holding("a", &exr_bytes(size, &channels, encoding));
+                let expected = |i: usize| [ramp[i], f16::from_f32(ramp[i] / 4.0).to_f32(), 2.0];
+                for i in [0, 71, 2799] {
+                    assert_eq!(read_image(&path).unwrap().pixels[i], expected(i));
+                    assert_eq!(read_layer(&path).unwrap().pixels[i][..3], expected(i));
+                }
+            }
+        }
+    }
+    let grey = folder.holding("a", &exr_bytes(size, &[("Y", float)], Encoding::FAST_LOSSLESS));
+    assert_eq!(read_image(&grey).unwrap().pixels[99], [ramp[99]; 3]);
+}
+
+#[test]
+fn mip_maps_and_second_layers_do_not_disturb() {
+    let folder = Folder::new();
+    let size = [40, 24];
+    let part = |name: &str, value: f32| {
+        let list = ["R", "G", "B"].map(|channel| AnyChannel::new(channel, constant(value, size)));
+        let attributes = LayerAttributes::named(name);
+        Layer::new(
+            (40, 24),
+            attributes,
+            Encoding::FAST_LOSSLESS,
+            AnyChannels::sort(list.into_iter().collect()),
+        )
+    };
+    let display = ImageAttributes::with_size((40, 24));
+    let image = ExrImage::from_layers(display, vec![part("front", 1.0), part("back", 2.0)]);
+    let path = folder.file("a");
+    image.write().to_file(&path).unwrap();
+    assert_eq!(read_image(&path).unwrap(), Image::constant(size, [1.0; 3]));
+
+    let levels = || Levels::Mip {
+        rounding_mode: ::exr::math::RoundingMode::Down,
+        level_data: [(40, 24), (20, 12), (10, 6), (5, 3), (2, 1), (1, 1)]
+            .iter()
+            .enumerate()
+            .map(|(level, (w, h))| FlatSamples::F32(vec![1.0 + level as f32; w * h]))
+            .collect(),
+    };
+    let list = ["R", "G", "B"].map(|channel| AnyChannel::new(channel, levels()));
+    let encoding = Encoding { blocks: Blocks::Tiles(Vec2(16, 16)), ..Encoding::SMALL_FAST_LOSSLESS };
+    let channels = AnyChannels::sort(list.into_iter().collect());
+    let layer = Layer::new((40, 24), LayerAttributes::default(), encoding, channels);
+    ExrImage::from_layer(layer).write().to_file(&path).unwrap();
+    assert_eq!(read_image(&path).unwrap(), Image::constant(size, [1.0; 3]));
+}
+
+#[test]
+fn files_that_leave_it_open_which_picture_is_meant_are_refused() {
+    let folder = Folder::new();
+    let size = [4, 4];
+    let names =
+        ["sky.R", "sky.G", "sky.B", "ink.R", "ink.G", "ink.B"].map(|name| (name, constant(1.0, size)));
+    let path = folder.holding("a", &exr_bytes(size, &names, Encoding::FAST_LOSSLESS));
+    let reason_of_two = reason(read_image(&path));
+    assert!(reason_of_two.contains("sky") && reason_of_two.contains("ink"));
+    let depth = folder.holding("a", &exr_bytes(size, &[("Z", constant(1.0, size))], Encoding::FAST_LOSSLESS));
+    assert!(reason(read_image(&depth)).contains("only Z"));
+}
+
+#[test]
+fn the_compression_whose_decoder_is_not_safe_is_refused() {
+    let encoding = Encoding { compression: Compression::DWAA(None), ..Encoding::FAST_LOSSLESS };
+    let bytes = exr_bytes([4, 4], &[("Y", constant(1.0, [4, 4]))], encoding);
+    assert!(reason(read_image(&Folder::new().holding("a", &bytes))).contains("save it with ZIP"));
+}
+
+#[test]
+fn the_data_window_is_put_in_its_place() {
+    let folder = Folder::new();
+    let size = [3, 3];
+    let ramp = FlatSamples::F32((0..9).map(|i| i as f32).collect());
+    let channels = [("R", ramp.clone()), ("G", ramp.clone()), ("B", ramp), ("A", constant(1.0, size))];
+    let display = IntegerBounds::new((10, 20), (4, 5));
+    let bytes = placed_exr(size, &channels, Encoding::UNCOMPRESSED, [9, 23], display);
+    let layer = read_layer(&folder.holding("a", &bytes)).unwrap();
+    assert_eq!(layer.size(), [4, 5]);
+    let weights: Vec<f32> = layer.pixels.iter().map(|p| p[3]).collect();
+    let mut expected = [0.0; 20];
+    for index in [12, 13, 16, 17] {
+        expected[index] = 1.0;
+    }
+    assert_eq!(weights, expected);
+    assert_eq!(layer.pixels[12], [1.0, 1.0, 1.0, 1.0]);
+}
+
+#[test]
+fn other_files_are_refused_with_a_reason() {
+    let folder = Folder::new();
+    assert!(reason(read_image(&folder.holding("a.png", b"GIF89a"))).contains("EXR, PNG, HDR or JPEG"));
+    assert!(reason(read_image(&folder.holding("empty.exr", b""))).contains("EXR, PNG, HDR or JPEG"));
+    assert!(matches!(read_image(&folder.file("missing")), Err(Error::File { action: "read", .. })));
+    assert!(matches!(read_image(folder.0.path()), Err(Error::File { action: "read", .. })));
+}
+
+#[test]
+fn a_header_without_a_body_is_refused_before_anything_is_allocated() {
+    let folder = Folder::new();
+    let hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16000 +X 16000\n";
+    assert!(reason(read_image(&folder.holding("a", hdr))).contains("too few"));
+    let hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4000000000 +X 4000000000\n";
+    assert!(read_image(&folder.holding("a", hdr)).is_err());
+    let mut exr = exr_bytes([2, 2], &[("Y", constant(1.0, [2, 2]))], Encoding::UNCOMPRESSED);
+    let value_of = |attribute: &[u8]| {
+        exr.windows(attribute.len()).position(|w| w == attribute).unwrap() + attribute.len() + 4
+    };
+    let (window, count) = (value_of(b"dataWindow\0box2i\0") + 8, value_of(b"chunkCount\0int\0"));
+    for (side, expected) in [(12_000_i32, "too few"), (20_000, "16384"), (2_000_000_000, "")] {
+        for (at, value) in [(window, side - 1), (window + 4, side - 1), (count, side)] {
+            exr[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        }
+        assert!(reason(read_image(&folder.holding("a", &exr))).contains(expected), "{side}");
+    }
+}
+
+/// Small files of every format and compression that the readers take.
+fn valid_files() -> &'static [Vec<u8>] {
+    static FILES: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
+    FILES.get_or_init(make_files)
+}
+
+fn make_files() -> Vec<Vec<u8>> {
+    let size = [21, 19];
+    let ramp = FlatSamples::F32((0..21 * 19).map(|i| (i % 23) as f32 / 7.0).collect());
+    let channels = [("R", ramp.clone()), ("G", ramp.clone()), ("B", ramp), ("A", constant(0.5, size))];
+    use Compression::{B44, PIZ, PXR24, RLE, ZIP1, ZIP16};
+    let mut files = Vec::new();
+    for compression in [Compression::Uncompressed, RLE, ZIP1, ZIP16, PIZ, PXR24, B44] {
+        for blocks in [Blocks::ScanLines, Blocks::Tiles(Vec2(16, 8))] {
+            let encoding = Encoding { compression, blocks, line_order: LineOrder::Increasing };
+            files.push(exr_bytes(size, &channels, encoding));
+        }
+    }
+    let rgba = ImageBuffer::from_fn(21, 19, |x, y| ::image::Rgba([x as u8, (x * y) as u8, 200, y as u8]));
+    let rgba = DynamicImage::from(rgba);
+    files.push(coded_bytes(rgba.clone(), ImageFormat::Png));
+    files.push(coded_bytes(rgba.to_rgba16().into(), ImageFormat::Png));
+    files.push(coded_bytes(rgba.to_rgb8().into(), ImageFormat::Jpeg));
+    files.push(coded_bytes(rgba.to_rgb32f().into(), ImageFormat::Hdr));
+    files
+}
+
+/// Reads whatever this is; the answer may be a picture or an error, but nothing else.
+fn survive(folder: &Folder, bytes: &[u8]) {
+    let path = folder.holding("damaged", bytes);
+    for error in [read_image(&path).err(), read_layer(&path).err()].into_iter().flatten() {
+        assert!(matches!(error, Error::Format { .. }), "{error}");
+    }
+}
+
+#[test]
+fn every_file_cut_short_is_an_error_or_has_only_lost_padding() {
+    let folder = Folder::new();
+    for (kind, file) in valid_files().iter().enumerate() {
+        assert!(read_image(&folder.holding("whole", file)).is_ok(), "kind {kind}");
+        for length in (0..file.len()).step_by(1 + file.len() / 200) {
+            survive(&folder, &file[..length]);
+        }
+        assert!(
+            reason(read_image(&folder.holding("half", &file[..file.len() / 2]))).len() > 5,
+            "kind {kind}"
+        );
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) })]
+
+    #[test]
+    fn damaged_files_never_panic(
+        damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        headwards in any::<bool>(),
+    ) {
+        let folder = Folder::new();
+        for mut file in valid_files().iter().cloned() {
+            // The headers are small beside the pixels, and the more interesting part to damage.
+            let reach = if headwards { file.len().min(400) } else { file.len() };
+            for (index, value) in &damage {
+                file[index.index(reach)] = *value;
+            }
+            survive(&folder, &file);
+        }
+    }
+}

@@ -1,0 +1,323 @@
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::{Error, Result};
+
+/// Everything that a run has to say about itself; `report.json` is this, field by field.
+///
+/// Plain data. What is not known is left out of the JSON, never written as `null`; so a new field that may be
+/// missing is an `Option` with `skip_serializing_if`. Whoever reads an older report gets the defaults.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Report {
+    /// Version of the program.
+    pub version: String,
+    /// The command that ran, such as `light-map`.
+    pub command: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// What computed: `cpu` or `gpu`.
+    pub backend: String,
+    /// On which device, in words.
+    pub device: String,
+    /// What a painted colour meant: `tint` or `radiance`.
+    pub target: String,
+    /// The method that solved.
+    pub solver: String,
+    /// Which rows were kept and which were walked again in each application.
+    pub strategy: RowStrategy,
+    /// How large the problem was.
+    pub problem: Problem,
+    /// The λ that multiply ½‖·‖².
+    pub regularization: Regularization,
+    /// The other settings, by name, in words.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub settings: BTreeMap<String, String>,
+    /// One entry an iteration; the first is the start.
+    pub history: Vec<Step>,
+    /// Why and when it stopped.
+    pub stop: StopRecord,
+    /// `‖W(Tx − b)‖ / ‖Wb‖` over all painted pixels, without regularization, in one number for all channels.
+    pub weighted_residual: Change,
+    /// The same and more, view by view.
+    #[serde(rename = "match")]
+    pub matched: Vec<ViewMatch>,
+    /// Seconds of each stage; `total` is the whole run.
+    pub timings: BTreeMap<String, f64>,
+    /// Bytes of each part; `peak` is the most at any time, `budget` what was allowed.
+    pub memory: BTreeMap<String, u64>,
+    /// What was not computed because nothing depends on it. The names that the page has a sentence for are in
+    /// `words.rs`; any other is shown as it is.
+    pub skipped: BTreeMap<String, Share>,
+    /// `|⟨Tx,y⟩ − ⟨x,Tᵀy⟩| / (‖Tx‖‖y‖)` for random x and y.
+    pub adjoint_error: f64,
+    /// Which unknowns the painted pixels determine.
+    pub coverage: Coverage,
+}
+
+/// The two ways of applying a row of the transport, counted.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct RowStrategy {
+    /// `assembled`, `matrix-free` or `mixed`.
+    pub name: String,
+    /// Rows whose non-zeros were kept in memory.
+    pub kept_rows: u64,
+    /// Rows that were walked again in each application.
+    pub walked_rows: u64,
+}
+
+/// How large the problem was.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Problem {
+    /// Constraint pixels.
+    pub rows: u64,
+    /// Texels or voxels, reached or not.
+    pub unknowns: u64,
+    /// Those that a painted ray reaches.
+    pub active_unknowns: u64,
+    /// Pairs (row, unknown) with a weight.
+    pub nonzeros: u64,
+    /// Views with paint on them.
+    pub views: u64,
+    /// Width and height of the unknown, then its depth if it has one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub size: Vec<u64>,
+}
+
+/// The λ that multiply ½‖·‖²; zero where a term is not used.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Regularization {
+    /// Of the distance to the start.
+    pub tikhonov: f64,
+    /// Of the second differences.
+    pub laplacian: f64,
+    /// Of the first differences.
+    pub gradient: f64,
+}
+
+/// The state after one iteration.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Step {
+    /// Number of the iteration; 0 is the start.
+    pub iteration: u64,
+    /// Seconds since the solve began.
+    pub seconds: f64,
+    /// Applications of `T` and of `Tᵀ` so far, together.
+    pub operator_applications: u64,
+    /// Norm of the residual relative to the start, a channel; 0 where the start was already exact.
+    pub residual: [f64; 3],
+    /// Norm of the gradient relative to the start, a channel; 0 where the start was already optimal.
+    pub normal_residual: [f64; 3],
+}
+
+/// Why and when a solve stopped.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct StopRecord {
+    /// `tolerance`, `iterations`, `time`, `interrupted`, …
+    pub reason: String,
+    /// After which iteration.
+    pub iteration: u64,
+}
+
+/// A number before and after the solve.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Change {
+    /// At the start.
+    pub before: f64,
+    /// At the end.
+    pub after: f64,
+}
+
+/// How well one view came to match what was painted on it.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ViewMatch {
+    /// Name of the view.
+    pub view: String,
+    /// Pixels with paint.
+    pub painted_pixels: u64,
+    /// `‖W(Tx − b)‖ / ‖Wb‖` over them.
+    pub weighted_residual: Change,
+    /// Their mean error of hue in degrees; none where the paint has no hue.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hue_error: Option<Change>,
+    /// The same over those that no other view contradicts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uncontested_hue_error: Option<Change>,
+    /// How many those are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uncontested_pixels: Option<u64>,
+}
+
+/// So many of so many.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Share {
+    /// How many.
+    pub count: u64,
+    /// Of how many.
+    pub of: u64,
+}
+
+/// Which unknowns the painted pixels determine.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Coverage {
+    /// Unknowns that a painted ray reaches.
+    pub reached: u64,
+    /// All of them.
+    pub total: u64,
+    /// Those that keep their start value.
+    pub unreached: u64,
+    /// Those of the reached whose light hardly arrives, so that the regularization decides.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weak: Option<u64>,
+}
+
+impl Report {
+    /// The text of `report.json`: indented, its fields in the order in which they are declared.
+    ///
+    /// Errors: [`Error::NonFinite`] with the path of the first number that is a NaN or an infinity, such as
+    /// `history[3].residual[0]`.
+    pub fn to_json(&self) -> Result<String> {
+        serde_json::to_string_pretty(&self.finite()?).map_err(unwritable)
+    }
+
+    /// The report as JSON, once it is known that all its numbers are finite.
+    pub(super) fn finite(&self) -> Result<Value> {
+        let value = serde_json::to_value(self).map_err(unwritable)?;
+        match null_in(&value) {
+            Some(path) => Err(Error::NonFinite { what: path, place: "report.json".into() }),
+            None => Ok(value),
+        }
+    }
+}
+
+/// Serializing plain data with string keys cannot fail; should it, it is no fault of the input.
+fn unwritable(error: serde_json::Error) -> Error {
+    Error::Machine(format!("cannot write the report as JSON: {error}"))
+}
+
+/// The path of the first `null`. Nothing else than a NaN or an infinity becomes one, because absent values
+/// are left out.
+fn null_in(value: &Value) -> Option<String> {
+    match value {
+        Value::Null => Some(String::new()),
+        Value::Array(items) => items
+            .iter()
+            .enumerate()
+            .find_map(|(index, item)| null_in(item).map(|rest| join(&format!("[{index}]"), &rest))),
+        Value::Object(fields) => {
+            fields.iter().find_map(|(name, field)| null_in(field).map(|rest| join(name, &rest)))
+        }
+        _ => None,
+    }
+}
+
+fn join(name: &str, rest: &str) -> String {
+    let dot = if rest.is_empty() || rest.starts_with('[') { "" } else { "." };
+    format!("{name}{dot}{rest}")
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic)]
+mod tests {
+    use super::super::example;
+    use super::*;
+
+    #[test]
+    fn every_field_of_the_contract_is_written() {
+        for report in [example(), Report { history: vec![Step::default()], ..Report::default() }] {
+            let json: Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
+            for pointer in [
+                "/version",
+                "/command",
+                "/backend",
+                "/device",
+                "/problem/rows",
+                "/problem/unknowns",
+                "/problem/active_unknowns",
+                "/problem/nonzeros",
+                "/problem/views",
+                "/regularization/tikhonov",
+                "/regularization/laplacian",
+                "/regularization/gradient",
+                "/history/0/iteration",
+                "/history/0/seconds",
+                "/history/0/operator_applications",
+                "/history/0/residual/2",
+                "/history/0/normal_residual/2",
+                "/stop/reason",
+                "/stop/iteration",
+                "/timings",
+                "/memory",
+                "/skipped",
+                "/adjoint_error",
+                "/coverage/reached",
+                "/coverage/total",
+                "/coverage/unreached",
+                "/scene",
+                "/target",
+                "/solver",
+                "/strategy/kept_rows",
+                "/strategy/walked_rows",
+                "/match",
+                "/weighted_residual/before",
+                "/weighted_residual/after",
+            ] {
+                assert!(json.pointer(pointer).is_some(), "{pointer} is missing");
+            }
+            assert!(json.pointer("/no_such_field").is_none());
+        }
+    }
+
+    #[test]
+    fn what_was_written_is_read_back() {
+        // Numbers of sixteen digits may come back with another last one; those of the example are shorter,
+        // but for its history.
+        let report = Report { history: vec![Step { iteration: 1, ..Step::default() }], ..example() };
+        let text = report.to_json().unwrap();
+        assert_eq!(serde_json::from_str::<Report>(&text).unwrap(), report);
+        let other = text.replacen("\"iteration\": 1,", "\"iteration\": 99,", 1);
+        assert_ne!(serde_json::from_str::<Report>(&other).unwrap(), report);
+    }
+
+    #[test]
+    fn a_report_of_another_version_can_still_be_read() {
+        let report: Report = serde_json::from_str(r#"{"version": "0.0.1", "kkt_residual": 0.5}"#).unwrap();
+        assert_eq!(report.version, "0.0.1");
+    }
+
+    /// The path in the error when `spoil` puts a number into the report that is not finite.
+    fn refused_at(spoil: impl Fn(&mut Report, f64)) -> Vec<String> {
+        let paths = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY].map(|bad| {
+            let mut report = example();
+            spoil(&mut report, bad);
+            match report.to_json() {
+                Err(Error::NonFinite { what, .. }) => what,
+                other => panic!("{bad} was written: {other:?}"),
+            }
+        });
+        paths.to_vec()
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_refused_with_their_path() {
+        let all = |path: &str| vec![path.to_string(); 3];
+        assert_eq!(refused_at(|r, bad| r.history[3].residual[1] = bad), all("history[3].residual[1]"));
+        assert_eq!(refused_at(|r, bad| r.adjoint_error = bad), all("adjoint_error"));
+        let timing = |r: &mut Report, bad| r.timings.extend([("solve".to_string(), bad)]);
+        assert_eq!(refused_at(timing), all("timings.solve"));
+        let hue = |r: &mut Report, bad| r.matched[1].hue_error = Some(Change { before: 1.0, after: bad });
+        assert_eq!(refused_at(hue), all("match[1].hue_error.after"));
+        assert!(example().to_json().is_ok());
+    }
+}

@@ -1,0 +1,175 @@
+//! The one offline page: pictures first, then the numbers.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+
+use super::data::{Change, Report, ViewMatch};
+use super::page;
+use super::words::{count, counted, degrees, escaped, percent};
+use crate::{Error, Result};
+
+/// The pictures of a page, each a PNG file in memory.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Pictures {
+    /// One entry a view, in the order of the page.
+    pub views: Vec<ViewPictures>,
+    /// The light map that was found.
+    pub light_map: Vec<u8>,
+    /// How strongly the painted pixels determine each of its texels.
+    pub coverage: Option<Vec<u8>>,
+}
+
+/// The pictures of one view, each a PNG file in memory.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct ViewPictures {
+    /// Name of the view, the same as in [`ViewMatch::view`].
+    pub name: String,
+    /// What was painted.
+    pub target: Vec<u8>,
+    /// The view under the start.
+    pub before: Vec<u8>,
+    /// The view under what was found.
+    pub after: Vec<u8>,
+    /// How much the two differ.
+    pub difference: Vec<u8>,
+}
+
+/// What a browser may load for the page: what is in it, and nothing else.
+const POLICY: &str =
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
+
+/// The page `report.html`: one file that needs no other and no network.
+///
+/// Shapes  the pictures may be of any size; those of one view are of one size
+/// Errors  [`Error::NonFinite`] as [`Report::to_json`]; [`Error::Value`] for a picture that is not PNG
+/// Cost    4/3 of the bytes of all pictures; each is in the page once
+pub fn html(report: &Report, pictures: &Pictures) -> Result<String> {
+    report.finite()?;
+    let parts = [
+        head(report),
+        page::opening(report),
+        light_map(report, pictures)?,
+        views(report, pictures)?,
+        page::convergence(report)?,
+        page::skipped(report),
+        page::costs(report),
+        page::settings(report),
+        page::closing(report),
+    ];
+    Ok(parts.concat())
+}
+
+fn head(report: &Report) -> String {
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
+         <title>{} · unscatter</title>\n<style>\n{}</style>\n</head>\n<body>\n",
+        escaped(&report.scene),
+        include_str!("page.css")
+    )
+}
+
+fn light_map(report: &Report, pictures: &Pictures) -> Result<String> {
+    let coverage = &report.coverage;
+    let found =
+        figure("found", "The light map", "what the light passes through", "light_map", &pictures.light_map)?;
+    let reach = match &pictures.coverage {
+        Some(png) => figure("coverage", "Coverage", "where the painted pixels reach it", "coverage", png)?,
+        None => String::new(),
+    };
+    let weak = match coverage.weak {
+        Some(weak) if weak > 0 => format!(
+            " Of those, {} get so little light to the paint that mostly the regularization decides them.",
+            count(weak)
+        ),
+        _ => String::new(),
+    };
+    Ok(format!(
+        "<section>\n<h2>Light map</h2>\n<div class=\"maps\">\n{found}<div class=\"beside\">\n<p>The painted pixels reach {} \
+         of its {} texels ({}).{weak} The other {} keep their start value: no stroke says anything about \
+         them.</p>\n{reach}</div>\n</div>\n</section>\n",
+        count(coverage.reached),
+        count(coverage.total),
+        percent(super::words::share(coverage.reached, coverage.total)),
+        count(coverage.unreached),
+    ))
+}
+
+fn views(report: &Report, pictures: &Pictures) -> Result<String> {
+    let mut sections = String::new();
+    for (index, view) in pictures.views.iter().enumerate() {
+        let matched = report.matched.iter().find(|matched| matched.view == view.name);
+        sections.push_str(&one_view(index, view, matched)?);
+    }
+    if sections.is_empty() {
+        return Ok(sections);
+    }
+    Ok(format!("<section>\n<h2>Views</h2>\n{sections}</section>\n"))
+}
+
+fn one_view(index: usize, view: &ViewPictures, matched: Option<&ViewMatch>) -> Result<String> {
+    let part = |class, title, note, name: &str, png| {
+        figure(class, title, note, &format!("views[{index}].{name}"), png)
+    };
+    let facts = matched.map(facts).unwrap_or_default();
+    Ok(format!(
+        "<article class=\"view\">\n<h3>{}</h3>\n<div class=\"pictures\">\n{}{}{}\
+         <figure class=\"compare\" hidden></figure>\n<div class=\"aside\">\n{}{facts}</div>\n</div>\n</article>\n",
+        escaped(&view.name),
+        part("target", "Target", "what was painted", "target", &view.target)?,
+        part("before", "Before", "under the light at the start", "before", &view.before)?,
+        part("after", "After", "under the light that was found", "after", &view.after)?,
+        part("difference", "Difference", "what the new light changed", "difference", &view.difference)?,
+    ))
+}
+
+/// How well a view matches, as a small table.
+fn facts(matched: &ViewMatch) -> String {
+    let mut rows = row("Distance to the paint", matched.weighted_residual, percent);
+    if let Some(error) = matched.hue_error {
+        rows.push_str(&row("Hue error", error, degrees));
+    }
+    if let Some(error) = matched.uncontested_hue_error {
+        rows.push_str(&row("… where views agree", error, degrees));
+    }
+    let agreeing = match matched.uncontested_pixels {
+        Some(pixels) => format!(", {} of them not contradicted by another view", count(pixels)),
+        None => String::new(),
+    };
+    format!(
+        "<table class=\"facts\">\n<thead><tr><th></th><th>before</th><th>after</th></tr></thead>\n\
+         <tbody>\n{rows}</tbody>\n</table>\n<p class=\"note\">{}{agreeing}.</p>\n",
+        counted(matched.painted_pixels, "painted pixel")
+    )
+}
+
+fn row(name: &str, change: Change, words: fn(f64) -> String) -> String {
+    format!("<tr><th>{name}</th><td>{}</td><td>{}</td></tr>\n", words(change.before), words(change.after))
+}
+
+/// A picture with its caption; `path` names it should it not be PNG.
+fn figure(class: &str, title: &str, note: &str, path: &str, png: &[u8]) -> Result<String> {
+    let [width, height] = png_size(png).ok_or_else(|| {
+        let got = format!("a picture of {} bytes that are not PNG", png.len());
+        Error::value(format!("pictures.{path}"), got, "a whole PNG file")
+    })?;
+    let mut text = format!(
+        "<figure class=\"{class}\"><img alt=\"{title}\" width=\"{width}\" height=\"{height}\" \
+         src=\"data:image/png;base64,"
+    );
+    STANDARD.encode_string(png, &mut text);
+    text.push_str(&format!("\"><figcaption><b>{title}</b> {note}</figcaption></figure>\n"));
+    Ok(text)
+}
+
+/// Width and height as a PNG file states them, so that the page does not jump while it loads.
+fn png_size(png: &[u8]) -> Option<[u32; 2]> {
+    let header = png.strip_prefix(b"\x89PNG\r\n\x1a\n")?.get(4..16)?.strip_prefix(b"IHDR")?;
+    let (width, height) = (header.get(..4)?.try_into().ok()?, header.get(4..)?.try_into().ok()?);
+    Some([u32::from_be_bytes(width), u32::from_be_bytes(height)]).filter(|size| !size.contains(&0))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,238 @@
+//! The parts of the page that are words and numbers.
+
+use super::data::Report;
+use super::plot;
+use super::words::{self, bytes, count, counted, degrees, escaped, label, number, percent, seconds, share};
+use crate::Result;
+
+/// Title, the summary sentence and the four numbers that matter most.
+pub(super) fn opening(report: &Report) -> String {
+    format!(
+        "<main>\n<header>\n<p class=\"eyebrow\">unscatter {}</p>\n<h1>{}</h1>\n<p class=\"summary\">{}</p>\n\
+         <dl class=\"tiles\">\n{}</dl>\n</header>\n",
+        escaped(&report.command),
+        escaped(&report.scene),
+        summary(report),
+        tiles(report)
+    )
+}
+
+fn summary(report: &Report) -> String {
+    let residual = report.weighted_residual;
+    let hue = match hue_error(report) {
+        Some([before, after]) => {
+            format!(", and their mean hue error from {} to {}", degrees(before), degrees(after))
+        }
+        None => String::new(),
+    };
+    let time = total(report).map(|s| format!(", in {}", seconds(s))).unwrap_or_default();
+    format!(
+        "{}, {}: they moved from {} to {} away from the paint{hue}{time}. \
+         It stopped {}, after {}.",
+        counted(report.problem.views, "view"),
+        counted(painted_pixels(report), "painted pixel"),
+        percent(residual.before),
+        percent(residual.after),
+        escaped(&words::stopped(&report.stop.reason)),
+        counted(report.stop.iteration, "iteration"),
+    )
+}
+
+fn tiles(report: &Report) -> String {
+    let change = |before: String, after: String| {
+        format!("<s>{before}</s><span aria-label=\"to\"> → </span><b>{after}</b>")
+    };
+    let residual = report.weighted_residual;
+    let mut tiles = tile("Distance to the paint", change(percent(residual.before), percent(residual.after)));
+    if let Some([before, after]) = hue_error(report) {
+        tiles.push_str(&tile("Hue error", change(degrees(before), degrees(after))));
+    }
+    let coverage = &report.coverage;
+    let reached = percent(share(coverage.reached, coverage.total));
+    tiles.push_str(&tile("Light map reached", format!("<b>{reached}</b>")));
+    if let Some(time) = total(report) {
+        tiles.push_str(&tile("Time", format!("<b>{}</b>", seconds(time))));
+    }
+    tiles
+}
+
+fn tile(name: &str, value: String) -> String {
+    format!("<div><dt>{name}</dt><dd>{value}</dd></div>\n")
+}
+
+fn painted_pixels(report: &Report) -> u64 {
+    let sum = report.matched.iter().fold(0, |sum: u64, view| sum.saturating_add(view.painted_pixels));
+    if sum > 0 { sum } else { report.problem.rows }
+}
+
+/// Mean hue error of all painted pixels of the views that have one, before and after.
+fn hue_error(report: &Report) -> Option<[f64; 2]> {
+    let mut pixels = 0.0;
+    let mut sums = [0.0; 2];
+    for view in &report.matched {
+        if let Some(error) = view.hue_error {
+            let weight = view.painted_pixels as f64;
+            pixels += weight;
+            sums[0] += weight * error.before;
+            sums[1] += weight * error.after;
+        }
+    }
+    (pixels > 0.0).then(|| sums.map(|sum| sum / pixels))
+}
+
+/// Seconds of the whole run, if the report has them.
+fn total(report: &Report) -> Option<f64> {
+    report.timings.get("total").copied().or_else(|| {
+        let sum: f64 = report.timings.values().sum();
+        (!report.timings.is_empty()).then_some(sum)
+    })
+}
+
+/// The two charts and what they mean.
+pub(super) fn convergence(report: &Report) -> Result<String> {
+    if report.history.is_empty() {
+        return Ok(String::new());
+    }
+    let mut charts = String::new();
+    for chart in &plot::convergence_charts(&report.history) {
+        // Inside HTML the namespace is understood, and a page without any address is plainly offline.
+        let svg = plot::chart(chart)?.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1);
+        charts.push_str(&format!("<figure class=\"chart\">{svg}</figure>\n"));
+    }
+    let applications = report.history.last().map_or(0, |step| step.operator_applications);
+    Ok(format!(
+        "<section>\n<h2>Convergence</h2>\n<div class=\"charts\">\n{charts}</div>\n<p>The residual is how far the \
+         picture is from the paint; it levels off where strokes ask for what no light map can do. The \
+         normal residual is how much there is left to gain; it falls to zero at the best light map. \
+         {} of the transport in {}.</p>\n</section>\n",
+        counted(applications, "application"),
+        counted(report.stop.iteration, "iteration"),
+    ))
+}
+
+/// What was not computed, in words, the largest share first.
+pub(super) fn skipped(report: &Report) -> String {
+    if report.skipped.is_empty() {
+        return String::new();
+    }
+    let mut entries: Vec<_> = report.skipped.iter().collect();
+    entries.sort_by(|a, b| share(b.1.count, b.1.of).total_cmp(&share(a.1.count, a.1.of)));
+    let rows: String = entries
+        .into_iter()
+        .map(|(name, skipped)| {
+            let part = share(skipped.count, skipped.of);
+            format!(
+                "<tr><th>{}</th><td>{}</td><td class=\"of\">of {}</td><td class=\"meter\">{}</td><td>{}</td></tr>\n",
+                escaped(&words::skipped(name)),
+                count(skipped.count),
+                count(skipped.of),
+                bar(part),
+                percent(part)
+            )
+        })
+        .collect();
+    format!(
+        "<section>\n<h2>What was skipped</h2>\n<p>Work that did not have to be done, because the \
+         result does not noticeably depend on it.</p>\n<table class=\"skipped\">\n<tbody>\n{rows}</tbody>\n</table>\n</section>\n"
+    )
+}
+
+fn bar(part: f64) -> String {
+    format!("<span class=\"bar\"><i style=\"width:{:.2}%\"></i></span>", 100.0 * part.clamp(0.0, 1.0))
+}
+
+/// Time and memory as bars, side by side.
+pub(super) fn costs(report: &Report) -> String {
+    let times: Vec<_> = report.timings.iter().map(|(name, &s)| (name, s, seconds(s))).collect();
+    let memory: Vec<_> = report.memory.iter().map(|(name, &n)| (name, n as f64, bytes(n))).collect();
+    let time_note = total(report).map(|s| format!("{} in all", seconds(s))).unwrap_or_default();
+    let of_memory = |name: &str| report.memory.get(name).map(|&n| bytes(n));
+    let memory_note = match (of_memory("peak"), of_memory("budget")) {
+        (Some(peak), Some(budget)) => format!("{peak} at most, of {budget} allowed"),
+        (Some(peak), None) => format!("{peak} at most"),
+        (None, Some(budget)) => format!("{budget} allowed"),
+        (None, None) => String::new(),
+    };
+    let both = bars("Time", &time_note, times) + &bars("Memory", &memory_note, memory);
+    if both.is_empty() { both } else { format!("<div class=\"columns\">\n{both}</div>\n") }
+}
+
+/// Named amounts as bars, the largest first; those that sum up others are left to the note.
+fn bars(title: &str, note: &str, mut parts: Vec<(&String, f64, String)>) -> String {
+    if parts.is_empty() {
+        return String::new();
+    }
+    let note = if note.is_empty() { String::new() } else { format!("<p>{note}</p>\n") };
+    parts.retain(|(name, ..)| !["total", "peak", "budget"].contains(&name.as_str()));
+    parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let most = parts.first().map_or(1.0, |part| part.1.max(f64::MIN_POSITIVE));
+    let rows: String = parts
+        .into_iter()
+        .map(|(name, amount, words)| {
+            let name = escaped(&label(name));
+            format!(
+                "<tr><th>{name}</th><td class=\"meter\">{}</td><td>{words}</td></tr>\n",
+                bar(amount / most)
+            )
+        })
+        .collect();
+    format!(
+        "<section>\n<h2>{title}</h2>\n{note}<table class=\"bars\">\n<tbody>\n{rows}</tbody>\n</table>\n\
+         </section>\n"
+    )
+}
+
+/// How the problem was posed and solved.
+pub(super) fn settings(report: &Report) -> String {
+    let problem = &report.problem;
+    let strategy = &report.strategy;
+    let size = problem.size.iter().map(u64::to_string).collect::<Vec<_>>().join(" × ");
+    let unknowns = if size.is_empty() { count(problem.unknowns) } else { format!("{size} RGB texels") };
+    let mut pairs = vec![
+        ("Painted colour means".to_string(), report.target.clone()),
+        ("Solver".into(), report.solver.clone()),
+        ("Unknowns".into(), format!("{unknowns}, {} of them active", count(problem.active_unknowns))),
+        ("Constraint pixels".into(), count(problem.rows)),
+        ("Non-zeros".into(), count(problem.nonzeros)),
+        (
+            "Rows".into(),
+            format!(
+                "{}: {} kept, {} walked again",
+                strategy.name,
+                count(strategy.kept_rows),
+                count(strategy.walked_rows)
+            ),
+        ),
+        ("Regularization".into(), regularization(report)),
+        ("Adjoint error".into(), number(report.adjoint_error)),
+        ("Computed on".into(), format!("{}, {}", report.backend, report.device)),
+    ];
+    pairs.extend(report.settings.iter().map(|(name, value)| (label(name), value.clone())));
+    let rows: String = pairs
+        .iter()
+        .map(|(name, value)| format!("<div><dt>{}</dt><dd>{}</dd></div>\n", escaped(name), escaped(value)))
+        .collect();
+    format!("<section>\n<h2>Settings</h2>\n<dl class=\"settings\">\n{rows}</dl>\n</section>\n")
+}
+
+fn regularization(report: &Report) -> String {
+    let lambda = &report.regularization;
+    let named =
+        [("Tikhonov", lambda.tikhonov), ("Laplacian", lambda.laplacian), ("gradient", lambda.gradient)];
+    let used: Vec<_> = named
+        .into_iter()
+        .filter(|(_, weight)| *weight != 0.0)
+        .map(|(name, weight)| format!("{name} {}", number(weight)))
+        .collect();
+    if used.is_empty() { "none".into() } else { used.join(", ") }
+}
+
+/// Who made the page, and the script of the comparison slider.
+pub(super) fn closing(report: &Report) -> String {
+    format!(
+        "<footer>unscatter {}. The same numbers for programs are in report.json.</footer>\n</main>\n<script>\n{}\
+         </script>\n</body>\n</html>\n",
+        escaped(&report.version),
+        include_str!("page.js")
+    )
+}

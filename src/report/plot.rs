@@ -1,0 +1,374 @@
+//! Curves as SVG: convergence of a solve, error against time, whatever goes down.
+//!
+//! The pictures have no background and text in mid-grey, so they stand on light and on dark pages; a page
+//! can set `--chart-text` and `--chart-line` to do better. They carry no script and no font.
+
+use super::data::Step;
+use super::ticks::Scale;
+use super::words::escaped;
+use crate::{Error, Result};
+
+/// Width and height of one panel in the units of its viewBox.
+const PANEL: [f64; 2] = [520.0, 300.0];
+/// Room around the curves: left, top, right, bottom.
+const MARGIN: [f64; 4] = [64.0, 58.0, 14.0, 46.0];
+/// Colours that are told apart on white and on black; red, green and blue first, for the channels.
+const COLORS: [&str; 6] = ["#d0605c", "#58a066", "#5a8fd6", "#c08a3e", "#9573c4", "#4aa3a3"];
+const TEXT: &str = "#83898f";
+const FONT: &str = "system-ui, sans-serif";
+/// More points than this on one curve are thinned: they could not be told apart.
+const MOST_POINTS: usize = 4096;
+
+/// How the values of an axis are laid out along it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Spacing {
+    /// Evenly.
+    #[default]
+    Linear,
+    /// Evenly, with lines at whole numbers only.
+    Whole,
+    /// By decades; what is not positive lies at the foot.
+    Log,
+}
+
+/// One axis of a chart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// What it measures, with its unit.
+    pub label: String,
+    /// How its values are laid out.
+    pub spacing: Spacing,
+}
+
+/// One curve of a chart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curve {
+    /// Its name in the legend.
+    pub label: String,
+    /// Dashed instead of solid.
+    pub dashed: bool,
+    /// Points (x, y), from left to right.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// Curves over common axes. They are coloured in their order, red, green and blue first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chart {
+    /// What it shows.
+    pub title: String,
+    /// Across.
+    pub x: Axis,
+    /// Upwards.
+    pub y: Axis,
+    /// What is drawn.
+    pub curves: Vec<Curve>,
+}
+
+/// One chart as an SVG document.
+///
+/// No curves, a single point and constant curves are fine.
+///
+/// Errors: [`Error::NonFinite`] for a coordinate that is a NaN or an infinity.
+pub fn chart(chart: &Chart) -> Result<String> {
+    document(std::slice::from_ref(chart))
+}
+
+/// The convergence of a solve as an SVG document: residual and normal residual, side by side, over the
+/// iterations, one curve a colour channel.
+///
+/// Errors: [`Error::NonFinite`] for a residual that is a NaN or an infinity.
+pub fn convergence(history: &[Step]) -> Result<String> {
+    document(&convergence_charts(history))
+}
+
+/// The two charts of [`convergence`].
+pub(super) fn convergence_charts(history: &[Step]) -> [Chart; 2] {
+    let over_iterations = |title: &str, value: fn(&Step) -> [f64; 3]| Chart {
+        title: title.into(),
+        x: Axis { label: "iteration".into(), spacing: Spacing::Whole },
+        y: Axis { label: "relative to the start".into(), spacing: Spacing::Log },
+        curves: ["red", "green", "blue"]
+            .iter()
+            .enumerate()
+            .map(|(channel, name)| Curve {
+                label: (*name).into(),
+                dashed: false,
+                points: history.iter().map(|step| [step.iteration as f64, value(step)[channel]]).collect(),
+            })
+            .collect(),
+    };
+    [
+        over_iterations("Residual", |step| step.residual),
+        over_iterations("Normal residual", |step| step.normal_residual),
+    ]
+}
+
+fn document(charts: &[Chart]) -> Result<String> {
+    let [width, height] = [PANEL[0] * charts.len() as f64, PANEL[1]];
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+         height=\"{height}\" role=\"img\" aria-label=\"{}\" font-family=\"{FONT}\" font-size=\"12\">\n",
+        escaped(&charts.iter().map(|chart| chart.title.as_str()).collect::<Vec<_>>().join(", "))
+    );
+    for (index, chart) in charts.iter().enumerate() {
+        svg.push_str(&format!("<g transform=\"translate({} 0)\">\n", PANEL[0] * index as f64));
+        svg.push_str(&panel(chart)?);
+        svg.push_str("</g>\n");
+    }
+    svg.push_str("</svg>\n");
+    Ok(svg)
+}
+
+/// What lies between the axes, and where.
+struct Frame {
+    x: Scale,
+    y: Scale,
+}
+
+impl Frame {
+    const LEFT: f64 = MARGIN[0];
+    const TOP: f64 = MARGIN[1];
+    const RIGHT: f64 = PANEL[0] - MARGIN[2];
+    const BOTTOM: f64 = PANEL[1] - MARGIN[3];
+
+    fn of(chart: &Chart) -> Self {
+        let values =
+            |axis: usize| chart.curves.iter().flat_map(move |c| c.points.iter().map(move |p| p[axis]));
+        Self { x: Scale::of(values(0), chart.x.spacing), y: Scale::of(values(1), chart.y.spacing) }
+    }
+
+    fn across(place: f64) -> f64 {
+        Self::LEFT + place * (Self::RIGHT - Self::LEFT)
+    }
+
+    fn up(place: f64) -> f64 {
+        Self::BOTTOM - place * (Self::BOTTOM - Self::TOP)
+    }
+
+    fn point(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [Self::across(self.x.place(x)), Self::up(self.y.place(y))]
+    }
+}
+
+fn panel(chart: &Chart) -> Result<String> {
+    for curve in &chart.curves {
+        if let Some(index) = curve.points.iter().position(|p| !(p[0].is_finite() && p[1].is_finite())) {
+            let what = format!("the curve {} of the chart {}", curve.label, chart.title);
+            return Err(Error::NonFinite { what, place: format!("point {index}") });
+        }
+    }
+    let frame = Frame::of(chart);
+    let curves = chart.curves.iter().enumerate();
+    let curves: String = curves.map(|(index, curve)| polyline(curve, color(index), &frame)).collect();
+    Ok(format!(
+        "<g fill=\"{TEXT}\" style=\"fill:var(--chart-text,{TEXT})\">\n{}{}</g>\n{curves}",
+        titles(chart),
+        axes(&frame)
+    ))
+}
+
+fn color(index: usize) -> &'static str {
+    COLORS[index % COLORS.len()]
+}
+
+/// Title, axis labels and legend.
+fn titles(chart: &Chart) -> String {
+    let middle = 0.5 * (Frame::LEFT + Frame::RIGHT);
+    let mut text = format!(
+        "<text x=\"{}\" y=\"18\" font-size=\"14\" font-weight=\"600\">{}</text>\n\
+         <text x=\"{middle}\" y=\"{}\" text-anchor=\"middle\">{}</text>\n\
+         <text x=\"{}\" y=\"18\" text-anchor=\"end\">{}</text>\n",
+        Frame::LEFT,
+        escaped(&chart.title),
+        PANEL[1] - 8.0,
+        escaped(&chart.x.label),
+        Frame::RIGHT,
+        escaped(&chart.y.label),
+    );
+    let mut x = Frame::LEFT;
+    for (index, curve) in chart.curves.iter().enumerate() {
+        text.push_str(&format!(
+            "<path d=\"M{x:.1} 37h18\" {}/><text x=\"{:.1}\" y=\"41\">{}</text>\n",
+            stroke(curve, color(index)),
+            x + 24.0,
+            escaped(&curve.label)
+        ));
+        // The width of text is not known here; this is that of wide letters.
+        x += 44.0 + 7.5 * curve.label.chars().count() as f64;
+    }
+    text
+}
+
+fn axes(frame: &Frame) -> String {
+    let (left, right, bottom) = (Frame::LEFT, Frame::RIGHT, Frame::BOTTOM);
+    let mut lines = String::new();
+    let mut labels = String::new();
+    for (place, label) in frame.y.ticks(6) {
+        let y = Frame::up(place);
+        lines.push_str(&format!("M{left} {y:.1}H{right}"));
+        labels.push_str(&format!(
+            "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>\n",
+            left - 10.0,
+            y + 4.0,
+            escaped(&label)
+        ));
+    }
+    for (place, label) in frame.x.ticks(8) {
+        let x = Frame::across(place);
+        lines.push_str(&format!("M{x:.1} {bottom}v5"));
+        labels.push_str(&format!(
+            "<text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>\n",
+            bottom + 19.0,
+            escaped(&label)
+        ));
+    }
+    format!(
+        "<path d=\"{lines}M{left} {bottom}H{right}\" fill=\"none\" stroke=\"{TEXT}\" stroke-opacity=\"0.35\" \
+         style=\"stroke:var(--chart-line,{TEXT})\"/>\n{labels}"
+    )
+}
+
+fn stroke(curve: &Curve, color: &str) -> String {
+    let dashes = if curve.dashed { " stroke-dasharray=\"6 4\"" } else { "" };
+    format!("fill=\"none\" stroke=\"{color}\" stroke-width=\"2\" stroke-linejoin=\"round\"{dashes}")
+}
+
+/// The curve, with a dot at its last point, which is also all that one point alone shows.
+fn polyline(curve: &Curve, color: &str, frame: &Frame) -> String {
+    let Some(&last) = curve.points.last() else { return String::new() };
+    let step = curve.points.len().div_ceil(MOST_POINTS).max(1);
+    let thinned = curve.points[..curve.points.len() - 1].iter().step_by(step).chain([&last]);
+    let points: Vec<String> = thinned
+        .map(|&point| {
+            let [x, y] = frame.point(point);
+            format!("{x:.1},{y:.1}")
+        })
+        .collect();
+    let [x, y] = frame.point(last);
+    format!(
+        "<polyline points=\"{}\" {}/>\n<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{color}\"/>\n",
+        points.join(" "),
+        stroke(curve, color)
+    )
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::super::example;
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Whether every tag is closed, in the right order, and every attribute is quoted.
+    pub(in super::super) fn well_formed(xml: &str) -> bool {
+        let mut open = Vec::new();
+        let mut rest = xml;
+        while let Some(start) = rest.find('<') {
+            let Some(length) = rest[start..].find('>') else { return false };
+            let tag = &rest[start + 1..start + length];
+            rest = &rest[start + length + 1..];
+            if tag.contains('<') || !tag.matches('"').count().is_multiple_of(2) {
+                return false;
+            }
+            let name = tag.trim_start_matches('/').split([' ', '\n', '/']).next().unwrap_or_default();
+            if tag.starts_with('/') {
+                if open.pop() != Some(name) {
+                    return false;
+                }
+            } else if !tag.ends_with('/') {
+                open.push(name);
+            }
+        }
+        open.is_empty() && !rest.contains('>')
+    }
+
+    #[test]
+    fn the_well_formed_are_told_from_the_broken() {
+        assert!(well_formed("<a b=\"1\"><c/>x</a>"));
+        for broken in ["<a>", "<a></b>", "<a b=\"1></a>", "<a><b></a></b>", "a<", "<a></a>>"] {
+            assert!(!well_formed(broken), "{broken}");
+        }
+    }
+
+    #[test]
+    fn three_channels_twice_with_a_legend() {
+        let svg = convergence(&example().history).unwrap();
+        assert!(well_formed(&svg));
+        assert_eq!(svg.matches("<polyline").count(), 6);
+        assert_eq!(svg.matches(">blue</text>").count(), 2);
+        assert!(svg.contains(">Residual</text>") && svg.contains(">Normal residual</text>"));
+    }
+
+    #[test]
+    fn a_curve_that_falls_is_drawn_downwards() {
+        let points = vec![[0.0, 1.0], [5.0, 0.1], [10.0, 0.01]];
+        let curve = Curve { label: "a".into(), dashed: false, points };
+        let axis = |spacing| Axis { label: String::new(), spacing };
+        let chart = Chart {
+            title: String::new(),
+            x: axis(Spacing::Linear),
+            y: axis(Spacing::Log),
+            curves: vec![curve],
+        };
+        let frame = Frame::of(&chart);
+        let [a, b, c] = [0, 1, 2].map(|i| frame.point(chart.curves[0].points[i]));
+        assert_eq!([a[0], c[0]], [Frame::LEFT, Frame::RIGHT]);
+        assert_eq!([a[1], c[1]], [Frame::TOP, Frame::BOTTOM]);
+        // A straight line: the logarithm is the scale.
+        assert!((b[0] - 0.5 * (a[0] + c[0])).abs() < 1e-9 && (b[1] - 0.5 * (a[1] + c[1])).abs() < 1e-9);
+    }
+
+    #[test]
+    fn names_are_escaped_and_bad_numbers_are_refused() {
+        let mut svg = Chart {
+            title: "<script>".into(),
+            x: Axis { label: "\"".into(), spacing: Spacing::Log },
+            y: Axis { label: "&".into(), spacing: Spacing::Log },
+            curves: vec![Curve { label: "<b>".into(), dashed: true, points: vec![[1.0, 1.0]] }],
+        };
+        let text = chart(&svg).unwrap();
+        assert!(well_formed(&text) && !text.contains("<script") && text.contains("stroke-dasharray"));
+        svg.curves[0].points.push([f64::NAN, 1.0]);
+        assert!(matches!(chart(&svg), Err(Error::NonFinite { .. })));
+        let step = Step { residual: [f64::INFINITY; 3], ..Step::default() };
+        assert!(matches!(convergence(&[step]), Err(Error::NonFinite { .. })));
+    }
+
+    #[test]
+    fn very_long_curves_are_thinned_but_keep_their_ends() {
+        let history: Vec<Step> =
+            (0..100_000).map(|iteration| Step { iteration, ..Step::default() }).collect();
+        let svg = convergence(&history).unwrap();
+        assert!(svg.len() < 6 * 20 * (MOST_POINTS + 200));
+        assert!(svg.contains(&format!("points=\"{:.1},", Frame::LEFT)));
+        assert!(svg.contains(&format!(" {:.1},", Frame::RIGHT)));
+    }
+
+    fn level() -> impl Strategy<Value = f64> {
+        prop_oneof![
+            Just(0.0),
+            Just(1.0),
+            Just(f64::MAX),
+            Just(f64::MIN_POSITIVE),
+            Just(5e-324),
+            -1e3..1e3,
+            any::<f64>().prop_filter("finite", |x| x.is_finite()),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn any_finite_history_can_be_drawn(
+            steps in proptest::collection::vec((any::<u64>(), [level(), level(), level()]), 0..12),
+            constant in level(),
+        ) {
+            let mut history = Vec::new();
+            for (iteration, residual) in steps {
+                history.push(Step { iteration, residual, normal_residual: [constant; 3], ..Step::default() });
+            }
+            let svg = convergence(&history).unwrap();
+            prop_assert!(well_formed(&svg));
+            prop_assert!(!svg.contains("NaN") && !svg.contains("inf"), "{}", svg);
+        }
+    }
+}
