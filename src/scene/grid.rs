@@ -74,11 +74,13 @@ impl Grid {
     }
 
     /// Texels a metre along u and along v.
+    #[inline]
     pub fn density(&self) -> DVec2 {
         DVec2::new(self.size[0] as f64, self.size[1] as f64) / (self.extent.max - self.extent.min)
     }
 
     /// A point in texels: (0, 0) is the outer corner of the first texel, (0.5, 0.5) its centre.
+    #[inline]
     pub fn grid_from_light(&self, point: DVec2) -> DVec2 {
         (point - self.extent.min) * self.density()
     }

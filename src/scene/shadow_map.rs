@@ -68,11 +68,13 @@ impl ShadowMap {
     }
 
     /// Where its texels lie.
+    #[inline]
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
     /// The depth in the light's frame that stored depths are relative to, in metres.
+    #[inline]
     pub fn depth_origin(&self) -> f64 {
         self.depth_origin
     }
@@ -83,11 +85,13 @@ impl ShadowMap {
     }
 
     /// The number of levels above the texels.
+    #[inline]
     pub fn top(&self) -> usize {
         self.levels.len() - 1
     }
 
     /// Least and largest depth in node (i, j) of a level; indices beyond the level are those of its last node.
+    #[inline]
     pub fn range(&self, level: usize, i: usize, j: usize) -> [f32; 2] {
         let level = &self.levels[level];
         level.ranges[j.min(level.size[1] - 1) * level.size[0] + i.min(level.size[0] - 1)]
