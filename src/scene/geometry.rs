@@ -1,12 +1,22 @@
+mod build;
+mod hierarchy;
+mod triangle;
+
 use glam::DVec3;
 
+use self::hierarchy::Hierarchy;
 use super::{Mesh, Ray, Rgb};
-use crate::Result;
+use crate::{Error, Result};
 
 /// Triangles with a bounding volume hierarchy over them.
+///
+/// Intersections are computed in f64 and are watertight: a ray does not pass between two triangles that share
+/// an edge or a vertex. Both sides of a triangle are hit.
 #[derive(Debug)]
 pub struct Geometry {
     mesh: Mesh,
+    hierarchy: Option<Hierarchy>,
+    masked: bool,
 }
 
 /// The first surface on a ray.
@@ -21,9 +31,24 @@ pub struct Hit {
 }
 
 impl Geometry {
-    /// Builds the hierarchy. An empty mesh is fine: open air.
-    pub fn new(mesh: Mesh) -> Result<Self> {
-        Ok(Self { mesh })
+    /// The most triangles that one geometry holds.
+    pub const MAX_TRIANGLES: usize = 1 << 28;
+    /// How far from the origin a vertex may be along each axis, in metres.
+    pub const MAX_COORDINATE: f64 = 1e12;
+
+    /// Builds the hierarchy. An empty mesh is fine: open air. Triangles without area are dropped.
+    ///
+    /// Errors: [`Error::Shape`] for arrays whose lengths do not agree; [`Error::Value`] for vertices that are
+    /// not finite or beyond 10¹² m, indices out of range and impossible materials; [`Error::NonFinite`] for
+    /// texture coordinates where there are alpha masks; [`Error::TooLarge`] beyond 2²⁸ triangles.
+    pub fn new(mut mesh: Mesh) -> Result<Self> {
+        mesh.validate()?;
+        check_size(&mesh)?;
+        drop_degenerate(&mut mesh);
+        let triangles: Vec<_> = mesh.triangles.iter().map(|&triangle| corners(&mesh, triangle)).collect();
+        let hierarchy = Hierarchy::new(&triangles);
+        let masked = mesh.materials.iter().any(|material| material.mask.is_some());
+        Ok(Self { mesh, hierarchy, masked })
     }
 
     /// The triangles.
@@ -33,26 +58,86 @@ impl Geometry {
 
     /// The corners of the smallest box around everything; none for open air.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
-        None
+        self.hierarchy.as_ref().map(Hierarchy::bounds)
     }
 
-    /// The first surface before `limit` metres, holes of alpha masks passed through.
-    pub fn first_hit(&self, _ray: &Ray, _limit: f64) -> Option<Hit> {
-        None
+    /// The first surface after the origin and before `limit` metres, holes of alpha masks passed through.
+    ///
+    /// Where several triangles lie at the same distance it is the one that comes first in the mesh. A ray that
+    /// is not finite hits nothing.
+    pub fn first_hit(&self, ray: &Ray, limit: f64) -> Option<Hit> {
+        let hierarchy = self.hierarchy.as_ref()?;
+        let (distance, index) =
+            hierarchy.first(ray, limit, |index, weights| self.is_there(index, weights))?;
+        let normal = normal(&corners(&self.mesh, self.mesh.triangles[index]));
+        let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
+        let albedo = self.mesh.materials[self.mesh.material_of[index] as usize].albedo;
+        Some(Hit { distance, normal, albedo })
     }
 
-    /// Whether anything lies on the ray before `limit` metres.
+    /// Whether anything lies on the ray after its origin and before `limit` metres.
     pub fn blocks(&self, ray: &Ray, limit: f64) -> bool {
-        self.first_hit(ray, limit).is_some()
-    }
-}
-
-impl Geometry {
-    /// Least and largest depth of everything along a light, in metres; none for open air.
-    pub fn depths(&self, frame: &super::LightFrame) -> Option<[f64; 2]> {
-        let depths = self.mesh.positions.iter().map(|&p| frame.light_from_world(p).z);
-        depths.fold(None, |range: Option<[f64; 2]>, z| {
-            Some(range.map_or([z, z], |[least, largest]| [least.min(z), largest.max(z)]))
+        self.hierarchy.as_ref().is_some_and(|hierarchy| {
+            hierarchy.any(ray, limit, |index, weights| self.is_there(index, weights))
         })
     }
+
+    /// Whether a triangle has no hole at the point with these weights of its corners.
+    #[inline]
+    fn is_there(&self, index: usize, weights: &[f64; 3]) -> bool {
+        if !self.masked {
+            return true;
+        }
+        let Some(mask) = &self.mesh.materials[self.mesh.material_of[index] as usize].mask else {
+            return true;
+        };
+        let mut at = [0.0; 2];
+        for (vertex, weight) in self.mesh.triangles[index].iter().zip(weights) {
+            let [u, v] = self.mesh.coordinates[*vertex as usize].map(f64::from);
+            at = [at[0] + weight * u, at[1] + weight * v];
+        }
+        mask.is_there(at)
+    }
 }
+
+fn corners(mesh: &Mesh, triangle: [u32; 3]) -> [DVec3; 3] {
+    triangle.map(|vertex| mesh.positions[vertex as usize])
+}
+
+/// Not finite for a triangle without area.
+fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
+    (*b - *a).cross(*c - *a).normalize()
+}
+
+fn check_size(mesh: &Mesh) -> Result<()> {
+    if mesh.triangles.len() > Geometry::MAX_TRIANGLES {
+        return Err(Error::TooLarge {
+            what: "the geometry".into(),
+            needed: format!("{} triangles", mesh.triangles.len()),
+            limit: format!("{}", Geometry::MAX_TRIANGLES),
+            remedy: "simplify it in the modelling program",
+        });
+    }
+    let far = |p: &DVec3| p.abs().max_element() > Geometry::MAX_COORDINATE;
+    match mesh.positions.iter().position(far) {
+        Some(vertex) => {
+            let path = format!("positions[{vertex}]");
+            Err(Error::value(path, mesh.positions[vertex], "within 1e12 metres of the origin"))
+        }
+        None => Ok(()),
+    }
+}
+
+fn drop_degenerate(mesh: &mut Mesh) {
+    let has_area: Vec<bool> = mesh.triangles.iter().map(|&t| normal(&corners(mesh, t)).is_finite()).collect();
+    if has_area.iter().all(|&keep| keep) {
+        return;
+    }
+    let mut keep = has_area.iter();
+    mesh.triangles.retain(|_| keep.next() == Some(&true));
+    let mut keep = has_area.iter();
+    mesh.material_of.retain(|_| keep.next() == Some(&true));
+}
+
+#[cfg(test)]
+mod tests;

@@ -3,6 +3,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3};
 
 use super::Rgb;
+use crate::{Error, Result};
 
 /// How texture coordinates beyond [0, 1] are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -27,6 +28,65 @@ pub struct AlphaMask {
     pub cutoff: f32,
     /// How coordinates wrap along u and v.
     pub wrap: [Wrap; 2],
+}
+
+impl AlphaMask {
+    /// Whether there is a surface at the texture coordinates (u, v): bilinear alpha against the cut-off.
+    ///
+    /// Pixel centres lie at half-integer multiples of 1/size. Coordinates that are not finite read an edge pixel.
+    pub fn is_there(&self, [u, v]: [f64; 2]) -> bool {
+        let ([x0, x1], fx) = neighbours(u, self.size[0], self.wrap[0]);
+        let ([y0, y1], fy) = neighbours(v, self.size[1], self.wrap[1]);
+        let alpha = |x, y| f64::from(self.alpha.get(y * self.size[0] + x).copied().unwrap_or(0));
+        let upper = alpha(x0, y0) * (1.0 - fx) + alpha(x1, y0) * fx;
+        let lower = alpha(x0, y1) * (1.0 - fx) + alpha(x1, y1) * fx;
+        upper * (1.0 - fy) + lower * fy >= f64::from(self.cutoff) * 255.0
+    }
+
+    fn validate(&self) -> Result<()> {
+        let pixels =
+            self.size[0].checked_mul(self.size[1]).filter(|&pixels| pixels > 0).ok_or_else(|| {
+                Error::value(
+                    "mask.size",
+                    format!("{:?}", self.size),
+                    "two positive numbers whose product fits",
+                )
+            })?;
+        if self.alpha.len() != pixels {
+            return Err(Error::Shape { what: "an alpha mask", expected: pixels, got: self.alpha.len() });
+        }
+        if !self.cutoff.is_finite() {
+            return Err(Error::value("mask.cutoff", self.cutoff, "finite"));
+        }
+        Ok(())
+    }
+}
+
+/// The two pixels around a texture coordinate, and how far it is from the first towards the second.
+fn neighbours(coordinate: f64, size: usize, wrap: Wrap) -> ([usize; 2], f64) {
+    // A whole number of periods is taken off first, so that no coordinate is too large for an integer.
+    let period = match wrap {
+        Wrap::Repeat => 1.0,
+        Wrap::Mirror => 2.0,
+        Wrap::Clamp => f64::INFINITY,
+    };
+    let within = if period.is_finite() { coordinate.rem_euclid(period) } else { coordinate.clamp(-1.0, 2.0) };
+    let at = within * size as f64 - 0.5;
+    let first = at.floor();
+    let fraction = if at.is_finite() { at - first } else { 0.0 };
+    let first = first as i64;
+    ([first, first.saturating_add(1)].map(|pixel| wrapped(pixel, size as i64, wrap) as usize), fraction)
+}
+
+fn wrapped(pixel: i64, size: i64, wrap: Wrap) -> i64 {
+    match wrap {
+        Wrap::Repeat => pixel.rem_euclid(size.max(1)),
+        Wrap::Mirror => {
+            let pixel = pixel.rem_euclid(size.max(1).saturating_mul(2));
+            if pixel < size { pixel } else { 2 * size - 1 - pixel }
+        }
+        Wrap::Clamp => pixel.clamp(0, (size - 1).max(0)),
+    }
 }
 
 /// What a triangle is made of.
@@ -63,5 +123,115 @@ impl Mesh {
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|index| index + vertex)));
         self.material_of.extend(other.material_of.iter().map(|index| index + material));
         self.materials.extend(other.materials);
+    }
+
+    /// Whether the arrays belong together: lengths, indices and numbers.
+    ///
+    /// Errors: [`Error::Shape`], [`Error::Value`] or [`Error::NonFinite`], with the vertex or triangle at fault.
+    pub fn validate(&self) -> Result<()> {
+        self.validate_vertices()?;
+        self.validate_triangles()?;
+        for (index, material) in self.materials.iter().enumerate() {
+            if !material.albedo.iter().all(|&c| c.is_finite() && c >= 0.0) {
+                let albedo = format!("{:?}", material.albedo);
+                return Err(Error::value(format!("materials[{index}].albedo"), albedo, "between 0 and 1"));
+            }
+            if let Some(mask) = &material.mask {
+                mask.validate().map_err(|error| error.inside(&format!("materials[{index}]")))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn validate_vertices(&self) -> Result<()> {
+        let (expected, got) = (self.positions.len(), self.coordinates.len());
+        if expected != got {
+            return Err(Error::Shape { what: "the list of texture coordinates", expected, got });
+        }
+        if let Some(vertex) = self.positions.iter().position(|p| !p.is_finite()) {
+            return Err(Error::value(format!("positions[{vertex}]"), self.positions[vertex], "finite"));
+        }
+        // Coordinates are only read where there are masks, and files of opaque things carry broken ones.
+        let masked = self.materials.iter().any(|material| material.mask.is_some());
+        let broken = self.coordinates.iter().position(|c| !c.iter().all(|c| c.is_finite()));
+        match broken.filter(|_| masked) {
+            Some(vertex) => Err(Error::NonFinite {
+                what: "a texture coordinate".into(),
+                place: format!("vertex {vertex}"),
+            }),
+            None => Ok(()),
+        }
+    }
+
+    fn validate_triangles(&self) -> Result<()> {
+        let (expected, got) = (self.triangles.len(), self.material_of.len());
+        if expected != got {
+            return Err(Error::Shape { what: "the list of materials of triangles", expected, got });
+        }
+        let outside = |t: &[u32; 3]| t.iter().any(|&vertex| vertex as usize >= self.positions.len());
+        if let Some(index) = self.triangles.iter().position(outside) {
+            let vertices = format!("{:?}", self.triangles[index]);
+            return Err(Error::value(
+                format!("triangles[{index}]"),
+                vertices,
+                "below the number of vertices",
+            ));
+        }
+        let unknown = |&material: &u32| material as usize >= self.materials.len();
+        match self.material_of.iter().position(unknown) {
+            Some(index) => Err(Error::value(
+                format!("material_of[{index}]"),
+                self.material_of[index],
+                "below the number of materials",
+            )),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mask(wrap: Wrap) -> AlphaMask {
+        AlphaMask { size: [4, 2], alpha: vec![255, 0, 0, 0, 255, 0, 0, 0], cutoff: 0.5, wrap: [wrap; 2] }
+    }
+
+    #[test]
+    fn coordinates_wrap_as_they_are_told() {
+        let column = |wrap, u| mask(wrap).is_there([u, 0.4]);
+        for (wrap, there, not_there) in [
+            (Wrap::Repeat, [0.1, 1.1, -0.9, 1e6 + 0.125], [0.9, -0.125, 1.9, -0.4]),
+            (Wrap::Mirror, [0.1, -0.1, 1.9, 2.1], [0.9, 1.1, 3.0, -1.0]),
+            (Wrap::Clamp, [0.1, -0.1, -5.0, f64::NEG_INFINITY], [0.9, 1.1, 5.0, 1e300]),
+        ] {
+            assert!(there.iter().all(|&u| column(wrap, u)), "{wrap:?}");
+            assert!(not_there.iter().all(|&u| !column(wrap, u)), "{wrap:?}");
+        }
+    }
+
+    #[test]
+    fn the_border_lies_where_interpolated_alpha_crosses_the_cutoff() {
+        let mask = mask(Wrap::Clamp);
+        // Centres of the first two pixels are at 1/8 and 3/8.
+        assert!(mask.is_there([0.249, 0.5]) && !mask.is_there([0.251, 0.5]));
+    }
+
+    #[test]
+    fn appended_meshes_keep_their_own_vertices_and_materials() {
+        let one = Mesh {
+            positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
+            coordinates: vec![[0.0; 2]; 3],
+            triangles: vec![[0, 1, 2]],
+            material_of: vec![0],
+            materials: vec![Material { albedo: [0.25; 3], mask: None }],
+        };
+        let mut both = one.clone();
+        both.append(one, DAffine3::from_translation(DVec3::Z));
+        assert!(both.validate().is_ok());
+        assert_eq!((both.triangles[1], both.material_of[1]), ([3, 4, 5], 1));
+        assert_eq!(both.positions[4], DVec3::new(1.0, 0.0, 1.0));
+        both.triangles[1][0] = 6;
+        assert!(both.validate().is_err());
     }
 }

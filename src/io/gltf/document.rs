@@ -1,0 +1,180 @@
+//! The file itself: JSON, binary chunk, external files and data URIs.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use ::gltf::binary::Glb;
+use ::gltf::json::root::Get;
+use ::gltf::json::{Index, Root};
+use base64::Engine;
+
+use super::{Error, Result};
+
+/// Extensions that a file may require: known here, or without influence on shape, albedo and alpha.
+const EXTENSIONS: [&str; 13] = [
+    "KHR_lights_punctual",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+    "KHR_materials_unlit",
+    "KHR_materials_ior",
+    "KHR_materials_specular",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_clearcoat",
+    "KHR_materials_sheen",
+    "KHR_materials_anisotropy",
+    "KHR_materials_iridescence",
+    "KHR_materials_dispersion",
+    "KHR_materials_variants",
+];
+
+/// No single file is read beyond this many bytes.
+const MAX_FILE: u64 = 1 << 32;
+
+/// A parsed file with its buffers. Nothing in it has been checked: indices go through [`Document::get`].
+#[derive(Debug)]
+pub(super) struct Document {
+    pub(super) path: PathBuf,
+    pub(super) root: Root,
+    pub(super) buffers: Vec<Vec<u8>>,
+}
+
+impl Document {
+    pub(super) fn load(path: &Path) -> Result<Self> {
+        let bytes = read_file(path)?;
+        let mut document = Self { path: path.into(), root: Root::default(), buffers: Vec::new() };
+        let mut blob = None;
+        document.root = if bytes.starts_with(b"glTF") {
+            // The length includes this header of 12 bytes; the crate subtracts without looking.
+            let length = bytes.get(8..12).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes);
+            if length < 12 {
+                return Err(document.broken("its header is truncated".into()));
+            }
+            let glb = Glb::from_slice(&bytes).map_err(|error| document.broken(error.to_string()))?;
+            blob = glb.bin.as_deref().map(<[u8]>::to_vec);
+            document.parse(&glb.json)?
+        } else {
+            document.parse(&bytes)?
+        };
+        document.check_header()?;
+        document.read_buffers(blob)?;
+        Ok(document)
+    }
+
+    fn parse(&self, json: &[u8]) -> Result<Root> {
+        Root::from_slice(json).map_err(|error| self.broken(error.to_string()))
+    }
+
+    fn check_header(&self) -> Result<()> {
+        let version = &self.root.asset.version;
+        if !version.starts_with("2.") {
+            return Err(self.broken(format!("its version is {version}; 2.0 is needed")));
+        }
+        let required = &self.root.extensions_required;
+        match required.iter().find(|name| !EXTENSIONS.contains(&name.as_str())) {
+            Some(name) => Err(self.broken(format!(
+                "it requires the extension {name}, which is not supported; export it without (no mesh or texture \
+                 compression)"
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    fn read_buffers(&mut self, mut blob: Option<Vec<u8>>) -> Result<()> {
+        for (index, buffer) in self.root.buffers.iter().enumerate() {
+            let bytes = match &buffer.uri {
+                Some(uri) => self.read_uri(uri)?,
+                None if index == 0 => {
+                    blob.take().ok_or_else(|| self.broken("its binary chunk is missing".into()))?
+                }
+                None => return Err(self.broken(format!("buffer {index} has no data"))),
+            };
+            if (bytes.len() as u64) < buffer.byte_length.0 {
+                let (got, needed) = (bytes.len(), buffer.byte_length.0);
+                return Err(self.broken(format!("buffer {index} has {got} bytes instead of {needed}")));
+            }
+            self.buffers.push(bytes);
+        }
+        Ok(())
+    }
+
+    /// The content of a data URI or of a file beside this one.
+    pub(super) fn read_uri(&self, uri: &str) -> Result<Vec<u8>> {
+        if let Some(data) = uri.strip_prefix("data:") {
+            let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
+            let encoded = encoded.ok_or_else(|| self.broken("a data URI is not base64".into()))?;
+            let engine = base64::engine::general_purpose::GeneralPurpose::new(
+                &base64::alphabet::STANDARD,
+                base64::engine::GeneralPurposeConfig::new()
+                    .with_decode_padding_mode(base64::engine::DecodePaddingMode::Indifferent),
+            );
+            return engine.decode(encoded).map_err(|error| self.broken(format!("a data URI: {error}")));
+        }
+        if uri.contains("://") {
+            return Err(self.broken(format!("it refers to {uri}; only files beside it are read")));
+        }
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let literal = folder.join(uri);
+        // Some exporters do not escape names: a file that is called just so comes first.
+        read_file(&if literal.is_file() { literal } else { folder.join(unescaped(uri)) })
+    }
+
+    /// The bytes of a buffer view.
+    pub(super) fn view(&self, index: Index<::gltf::json::buffer::View>) -> Result<&[u8]> {
+        let view = self.get(index).ok_or_else(|| self.broken(format!("buffer view {index} is missing")))?;
+        let start = usize::try_from(view.byte_offset.unwrap_or_default().0).ok();
+        let length = usize::try_from(view.byte_length.0).ok();
+        let bytes = self
+            .buffers
+            .get(view.buffer.value())
+            .zip(start)
+            .zip(length)
+            .and_then(|((buffer, start), length)| buffer.get(start..start.checked_add(length)?));
+        bytes.ok_or_else(|| self.broken(format!("buffer view {index} lies outside of its buffer")))
+    }
+
+    pub(super) fn get<T>(&self, index: Index<T>) -> Option<&T>
+    where
+        Root: Get<T>,
+    {
+        self.root.get(index)
+    }
+
+    pub(super) fn broken(&self, reason: String) -> Error {
+        Error::Format { path: self.path.clone(), format: "glTF", reason }
+    }
+}
+
+fn read_file(path: &Path) -> Result<Vec<u8>> {
+    let failed = |source| Error::File { action: "read", path: path.into(), source };
+    let file = File::open(path).map_err(failed)?;
+    let metadata = file.metadata().map_err(failed)?;
+    if !metadata.is_file() {
+        return Err(failed(std::io::Error::other("it is not a file")));
+    }
+    if metadata.len() > MAX_FILE {
+        return Err(Error::TooLarge {
+            what: path.display().to_string(),
+            needed: format!("{} bytes", metadata.len()),
+            limit: format!("{MAX_FILE}"),
+            remedy: "split the scene",
+        });
+    }
+    let mut bytes = Vec::with_capacity(metadata.len() as usize);
+    file.take(MAX_FILE).read_to_end(&mut bytes).map_err(failed)?;
+    Ok(bytes)
+}
+
+/// With %20 and the like replaced by what they stand for.
+fn unescaped(uri: &str) -> String {
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let Some((&first, after)) = rest.split_first() {
+        let digits = (first == b'%').then(|| after.get(..2)).flatten();
+        let digits = digits.filter(|digits| digits.iter().all(u8::is_ascii_hexdigit));
+        let code = digits.and_then(|d| u8::from_str_radix(std::str::from_utf8(d).ok()?, 16).ok());
+        bytes.push(code.unwrap_or(first));
+        rest = if code.is_some() { &after[2..] } else { after };
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}

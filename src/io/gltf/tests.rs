@@ -1,0 +1,392 @@
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::io::Cursor;
+use std::path::PathBuf;
+
+use base64::Engine;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::*;
+use crate::scene::{Geometry, Ray, Wrap};
+
+/// A square of two triangles in the plane z = 0, as positions, indices and coordinates in one buffer.
+fn square_bytes() -> Vec<u8> {
+    let positions: [f32; 12] = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.];
+    let coordinates: [f32; 8] = [0., 1., 1., 1., 1., 0., 0., 0.];
+    let indices: [u16; 6] = [0, 1, 2, 0, 2, 3];
+    let mut bytes: Vec<u8> = positions.iter().chain(&coordinates).flat_map(|f| f.to_le_bytes()).collect();
+    bytes.extend(indices.iter().flat_map(|i| i.to_le_bytes()));
+    bytes
+}
+
+fn data_uri(bytes: &[u8]) -> String {
+    format!(
+        "data:application/octet-stream;base64,{}",
+        base64::engine::general_purpose::STANDARD.encode(bytes)
+    )
+}
+
+/// One node `Square` with the square.
+fn square() -> Value {
+    let bytes = square_bytes();
+    json!({
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": bytes.len(), "uri": data_uri(&bytes)}],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 48},
+            {"buffer": 0, "byteOffset": 48, "byteLength": 32},
+            {"buffer": 0, "byteOffset": 80, "byteLength": 12},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
+            {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
+            {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"},
+        ],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2}]}],
+        "nodes": [{"name": "Square", "mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+    })
+}
+
+fn written(file: &Value) -> (TempDir, PathBuf) {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("scene.gltf");
+    std::fs::write(&path, file.to_string()).unwrap();
+    (folder, path)
+}
+
+fn load(file: &Value) -> Result<GltfScene> {
+    GltfScene::load(&written(file).1)
+}
+
+fn mesh(file: &Value) -> Result<Mesh> {
+    let (_folder, path) = written(file);
+    GltfScene::load(&path)?.mesh(None)
+}
+
+fn message<T: std::fmt::Debug>(result: Result<T>) -> String {
+    result.unwrap_err().to_string()
+}
+
+fn glb(json: &Value, bin: Option<&[u8]>) -> Vec<u8> {
+    let chunk = |kind: &[u8; 4], content: &[u8], filler: u8| {
+        let mut content = content.to_vec();
+        content.resize(content.len().next_multiple_of(4), filler);
+        let mut chunk = (content.len() as u32).to_le_bytes().to_vec();
+        chunk.extend(kind);
+        chunk.extend(content);
+        chunk
+    };
+    let mut chunks = chunk(b"JSON", json.to_string().as_bytes(), b' ');
+    chunks.extend(bin.map(|bin| chunk(b"BIN\0", bin, 0)).unwrap_or_default());
+    let mut bytes = b"glTF".to_vec();
+    bytes.extend(2_u32.to_le_bytes());
+    bytes.extend((chunks.len() as u32 + 12).to_le_bytes());
+    bytes.extend(chunks);
+    bytes
+}
+
+/// Area seen from +z: negative where triangles face away.
+fn signed_area(mesh: &Mesh) -> f64 {
+    let corners = mesh.triangles.iter().map(|t| t.map(|i| mesh.positions[i as usize]));
+    corners.map(|[a, b, c]| 0.5 * (b - a).cross(c - a).z).sum()
+}
+
+#[test]
+fn text_binary_and_external_buffers_hold_the_same_mesh() {
+    let folder = TempDir::new().unwrap();
+    let embedded = mesh(&square()).unwrap();
+    assert_eq!((embedded.positions.len(), embedded.triangles.len()), (4, 2));
+    assert_eq!(embedded.positions[2], DVec3::new(1.0, 1.0, 0.0));
+    assert_eq!(embedded.coordinates[1], [1.0, 1.0]);
+    assert_eq!(embedded.materials[0].albedo, [1.0; 3]);
+    assert!((signed_area(&embedded) - 1.0).abs() < 1e-12);
+
+    let mut inside = square();
+    inside["buffers"][0].as_object_mut().unwrap().remove("uri");
+    let path = folder.path().join("scene.glb");
+    std::fs::write(&path, glb(&inside, Some(&square_bytes()))).unwrap();
+    assert_eq!(GltfScene::load(&path).unwrap().mesh(None).unwrap().positions, embedded.positions);
+
+    let mut beside = square();
+    beside["buffers"][0]["uri"] = json!("my%20buffer.bin");
+    let path = folder.path().join("scene.gltf");
+    std::fs::write(&path, beside.to_string()).unwrap();
+    assert!(matches!(GltfScene::load(&path), Err(Error::File { .. })));
+    std::fs::write(folder.path().join("my buffer.bin"), square_bytes()).unwrap();
+    assert_eq!(GltfScene::load(&path).unwrap().mesh(None).unwrap().triangles, embedded.triangles);
+}
+
+#[test]
+fn nodes_carry_their_parents_transform_and_mirrors_keep_the_outside_out() {
+    let mut file = square();
+    // Turned by 90 degrees around z, then scaled by 2, then moved; and a mirrored copy, by a matrix.
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    file["nodes"] = json!([
+        {"name": "Parent", "translation": [10, 20, 30], "scale": [2, 2, 2], "children": [1]},
+        {"name": "Child", "rotation": [0, 0, half, half], "mesh": 0},
+        {"name": "Mirror", "matrix": [-1,0,0,0, 0,1,0,0, 0,0,1,0, 5,0,0,1], "mesh": 0},
+        {"name": "Elsewhere", "mesh": 0},
+    ]);
+    file["scenes"] = json!([{"nodes": [0, 2]}]);
+    let scene = load(&file).unwrap();
+    let child = scene.mesh(Some("Child")).unwrap();
+    assert!((child.positions[1] - DVec3::new(10.0, 22.0, 30.0)).length() < 1e-6);
+    assert!((child.positions[3] - DVec3::new(8.0, 20.0, 30.0)).length() < 1e-6);
+    assert_eq!(scene.mesh(Some("Parent")).unwrap().positions, child.positions);
+    let mirror = scene.mesh(Some("Mirror")).unwrap();
+    assert_eq!(mirror.positions[1], DVec3::new(4.0, 0.0, 0.0));
+    assert!((signed_area(&mirror) - 1.0).abs() < 1e-12);
+    assert_eq!(scene.mesh(None).unwrap().triangles.len(), 4);
+    assert_eq!(scene.mesh(Some("Elsewhere")).unwrap().triangles.len(), 2);
+}
+
+#[test]
+fn strips_fans_and_lists_cover_the_same_square() {
+    for (mode, indices) in [(4, [0, 1, 2, 0, 2, 3]), (5, [0, 1, 3, 2, 2, 2]), (6, [0, 1, 2, 3, 3, 3])] {
+        let mut bytes = square_bytes();
+        bytes.truncate(80);
+        bytes.extend(indices.iter().flat_map(|i: &u16| i.to_le_bytes()));
+        let mut file = square();
+        file["buffers"][0]["uri"] = json!(data_uri(&bytes));
+        file["meshes"][0]["primitives"][0]["mode"] = json!(mode);
+        let mesh = mesh(&file).unwrap();
+        assert!((signed_area(&mesh) - 1.0).abs() < 1e-12, "mode {mode}");
+        assert!(Geometry::new(mesh).is_ok());
+    }
+    let mut lines = square();
+    lines["meshes"][0]["primitives"][0]["mode"] = json!(1);
+    assert!(message(mesh(&lines)).contains("no triangles"));
+}
+
+#[test]
+fn quantized_and_sparse_positions_are_read() {
+    let mut file = square();
+    let quantized: Vec<u8> = [0, 0, 0, 0, 32767, 0, 0, 0, 32767, 32767, 0, 0, 0, 32767, 0, 0]
+        .iter()
+        .flat_map(|i: &i16| i.to_le_bytes())
+        .collect();
+    // Vertex 2 is moved by a sparse accessor; positions are 8 bytes apart.
+    let mut bytes = quantized.clone();
+    bytes.extend([2, 0, 0, 0]);
+    bytes.extend([-32767_i16, 16384, 0, 0].iter().flat_map(|i| i.to_le_bytes()));
+    file["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
+    file["buffers"].as_array_mut().unwrap().push(json!({"byteLength": bytes.len(), "uri": data_uri(&bytes)}));
+    let views = file["bufferViews"].as_array_mut().unwrap();
+    views[0] = json!({"buffer": 1, "byteLength": 32, "byteStride": 8});
+    views.push(json!({"buffer": 1, "byteOffset": 32, "byteLength": 4}));
+    views.push(json!({"buffer": 1, "byteOffset": 36, "byteLength": 8}));
+    file["accessors"][0] = json!({"bufferView": 0, "componentType": 5122, "normalized": true, "count": 4, "type": "VEC3",
+        "sparse": {"count": 1, "indices": {"bufferView": 3, "componentType": 5121}, "values": {"bufferView": 4}}});
+    let positions = mesh(&file).unwrap().positions;
+    assert_eq!(positions[1], DVec3::X);
+    assert!((positions[2] - DVec3::new(-1.0, 0.5, 0.0)).length() < 1e-4);
+    // Sabotage: the same without the sparse part is the square.
+    file["accessors"][0].as_object_mut().unwrap().remove("sparse");
+    assert_eq!(mesh(&file).unwrap().positions[2], DVec3::new(1.0, 1.0, 0.0));
+}
+
+fn png(pixels: &[[u8; 4]]) -> String {
+    let bytes = pixels.concat();
+    let picture = image::RgbaImage::from_raw(pixels.len() as u32, 1, bytes).unwrap();
+    let mut file = Cursor::new(Vec::new());
+    picture.write_to(&mut file, image::ImageFormat::Png).unwrap();
+    data_uri(file.get_ref())
+}
+
+fn textured(mode: &str, texture: Value, pixels: &[[u8; 4]]) -> Value {
+    let mut file = square();
+    file["images"] = json!([{"uri": png(pixels), "mimeType": "image/png"}]);
+    file["samplers"] = json!([{"wrapS": 33071, "wrapT": 33648}]);
+    file["textures"] = json!([{"source": 0, "sampler": 0}]);
+    file["materials"] = json!([{"alphaMode": mode,
+        "pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1], "baseColorTexture": texture}}]);
+    file["meshes"][0]["primitives"][0]["material"] = json!(0);
+    file
+}
+
+const HALF_LEAF: [[u8; 4]; 2] = [[0, 0, 0, 0], [255, 255, 0, 255]];
+
+#[test]
+fn leaf_cards_have_holes_where_alpha_is_low() {
+    let file = textured("MASK", json!({"index": 0}), &HALF_LEAF);
+    let leaf = mesh(&file).unwrap();
+    let mask = leaf.materials[0].mask.as_ref().unwrap();
+    assert_eq!((mask.size, mask.cutoff, mask.wrap), ([2, 1], 0.5, [Wrap::Clamp, Wrap::Mirror]));
+    // Only the pixels that are there count for the mean colour.
+    assert_eq!(leaf.materials[0].albedo, [0.5, 1.0, 0.0]);
+    let hits = |file: &Value, x: f64| {
+        let geometry = Geometry::new(mesh(file).unwrap()).unwrap();
+        geometry.blocks(&Ray { origin: DVec3::new(x, 0.4, 1.0), direction: DVec3::NEG_Z }, 2.0)
+    };
+    assert!(!hits(&file, 0.2) && hits(&file, 0.8));
+    assert!(!hits(&textured("BLEND", json!({"index": 0}), &HALF_LEAF), 0.2));
+    assert!(hits(&textured("OPAQUE", json!({"index": 0}), &HALF_LEAF), 0.2));
+    // The factor's alpha counts: 0.4 < 0.5 everywhere, so that nothing is left.
+    let mut faint = file.clone();
+    faint["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"][3] = json!(0.4);
+    assert!(message(mesh(&faint)).contains("no triangles"));
+    // Without its coordinates a texture is no mask.
+    let mut plain = file.clone();
+    plain["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("TEXCOORD_0");
+    assert!(hits(&plain, 0.2));
+    // And the picture mirrored by KHR_texture_transform.
+    let mirrored =
+        json!({"index": 0, "extensions": {"KHR_texture_transform": {"offset": [1, 0], "scale": [-1, 1]}}});
+    let mirrored = textured("MASK", mirrored, &HALF_LEAF);
+    assert!(hits(&mirrored, 0.2) && !hits(&mirrored, 0.8));
+}
+
+#[test]
+fn the_example_of_the_texture_transform_specification_selects_the_lower_left_quadrant() {
+    let turned = json!({"index": 0, "extensions": {"KHR_texture_transform":
+        {"offset": [0, 1], "rotation": std::f64::consts::FRAC_PI_2, "scale": [0.5, 0.5]}}});
+    for [u, v] in mesh(&textured("OPAQUE", turned, &HALF_LEAF)).unwrap().coordinates {
+        assert!((-1e-6..=0.500001).contains(&u) && (0.499999..=1.000001).contains(&v), "{u}, {v}");
+    }
+}
+
+#[test]
+fn a_mean_colour_is_linear() {
+    let file = textured("OPAQUE", json!({"index": 0}), &[[188, 188, 188, 255]; 3]);
+    let [red, green, _] = mesh(&file).unwrap().materials[0].albedo;
+    assert!((red - 0.25).abs() < 2e-3 && (green - 0.5).abs() < 4e-3, "{red}, {green}");
+}
+
+fn with_camera_and_suns() -> Value {
+    let mut file = square();
+    file["cameras"] = json!([
+        {"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1, "aspectRatio": 1.5}},
+        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "znear": 0.1, "zfar": 9}},
+    ]);
+    file["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+    file["extensions"] = json!({"KHR_lights_punctual": {"lights": [
+        {"type": "directional", "color": [1, 0.5, 0.25], "intensity": 8}, {"type": "point"}]}});
+    let light = |index: usize| json!({"KHR_lights_punctual": {"light": index}});
+    file["nodes"] = json!([
+        {"name": "Square", "mesh": 0},
+        {"name": "Camera", "translation": [0, 1, 5], "children": [2]},
+        {"name": "Camera_Orientation", "camera": 0},
+        {"name": "Plan", "camera": 1},
+        // Looks along −y.
+        {"name": "Sun", "rotation": [-std::f64::consts::FRAC_1_SQRT_2, 0, 0, std::f64::consts::FRAC_1_SQRT_2],
+            "scale": [3, 3, 3], "extensions": light(0)},
+        {"name": "Lamp", "extensions": light(1)},
+    ]);
+    file
+}
+
+#[test]
+fn cameras_and_suns_are_found_by_their_nodes() {
+    let file = with_camera_and_suns();
+    let scene = load(&file).unwrap();
+    let camera = scene.camera("Camera").unwrap();
+    assert_eq!(camera, scene.camera("Camera_Orientation").unwrap());
+    assert_eq!(camera.world_from_camera.translation, DVec3::new(0.0, 1.0, 5.0));
+    assert!((camera.fov - 28.6479).abs() < 1e-4 && camera.aspect == Some(1.5));
+    assert!(message(scene.camera("Plan")).contains("orthographic"));
+    let (direction, radiance) = scene.sun(None).unwrap();
+    assert!((direction - DVec3::NEG_Y).length() < 1e-6);
+    assert_eq!(radiance, [8.0, 4.0, 2.0]);
+    assert_eq!(scene.sun(Some("Sun")).unwrap().1, radiance);
+    assert_eq!(scene.sun_names(), ["Sun"]);
+    assert_eq!(scene.camera_names(), ["Camera_Orientation", "Plan"]);
+    assert_eq!(scene.node_names().len(), 6);
+
+    let mut two = file.clone();
+    two["nodes"][0]["extensions"] = json!({"KHR_lights_punctual": {"light": 0}});
+    assert!(message(load(&two).unwrap().sun(None)).contains("`Square`, `Sun`"));
+    assert!(message(load(&square()).unwrap().sun(None)).contains("no directional light"));
+}
+
+#[test]
+fn an_unknown_name_is_answered_with_the_nearest_ones_first() {
+    let scene = load(&with_camera_and_suns()).unwrap();
+    assert!(message(scene.mesh(Some("squar"))).contains("there are `Square`"));
+    assert!(message(scene.sun(Some("Lamp"))).contains("there are `Sun`"));
+    assert!(message(scene.camera("pan")).contains("there are `Plan`, `Camera_Orientation`"));
+}
+
+#[test]
+fn broken_files_are_errors_with_a_reason() {
+    type Case = (&'static str, fn(&mut Value));
+    let cases: Vec<Case> = vec![
+        ("KHR_draco", |f| f["extensionsRequired"] = json!(["KHR_draco_mesh_compression"])),
+        ("version is 1.0", |f| f["asset"]["version"] = json!("1.0")),
+        ("cycle", |f| f["nodes"] = json!([{"mesh": 0}, {"children": [2]}, {"children": [1]}])),
+        ("two parents", |f| f["nodes"] = json!([{"children": [1, 1]}, {"mesh": 0}])),
+        ("unknown child", |f| f["nodes"][0]["children"] = json!([9])),
+        ("unknown node", |f| f["scenes"][0]["nodes"] = json!([4])),
+        ("default scene", |f| f["scene"] = json!(7)),
+        ("mesh 3", |f| f["nodes"][0]["mesh"] = json!(3)),
+        ("accessor 8", |f| f["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(8)),
+        ("vertex 3 of 3", |f| f["accessors"][0]["count"] = json!(3)),
+        ("outside of its buffer view", |f| f["accessors"][0]["count"] = json!(5)),
+        ("outside of its buffer view", |f| f["accessors"][0]["count"] = json!(u64::MAX)),
+        ("outside of its buffer view", |f| f["accessors"][0]["byteOffset"] = json!(u64::MAX)),
+        ("outside of its buffer", |f| f["bufferViews"][0]["byteOffset"] = json!(u64::MAX)),
+        ("overlap", |f| f["bufferViews"][0]["byteStride"] = json!(4)),
+        ("components", |f| f["accessors"][0]["type"] = json!("VEC2")),
+        ("unknown type", |f| f["accessors"][0]["componentType"] = json!(5130)),
+        ("unknown mode", |f| f["meshes"][0]["primitives"][0]["mode"] = json!(9)),
+        ("zeros", |f| {
+            f["accessors"][0] = json!({"componentType": 5126, "count": 1_u64 << 40, "type": "VEC3"});
+        }),
+        ("instead of 1000", |f| f["buffers"][0]["byteLength"] = json!(1000)),
+        ("base64", |f| f["buffers"][0]["uri"] = json!("data:text/plain,hello")),
+        ("only files beside it", |f| f["buffers"][0]["uri"] = json!("https://example.org/a.bin")),
+        ("not finite", |f| f["nodes"][0]["translation"] = json!([1e300, 0, 0])),
+        ("material 5", |f| f["meshes"][0]["primitives"][0]["material"] = json!(5)),
+    ];
+    for (expected, breaks) in cases {
+        let mut file = square();
+        breaks(&mut file);
+        let message = message(mesh(&file));
+        assert!(message.contains(expected), "`{expected}` is not in `{message}`");
+    }
+}
+
+#[test]
+fn truncated_files_are_errors_and_never_panics() {
+    let folder = TempDir::new().unwrap();
+    let mut inside = square();
+    inside["buffers"][0].as_object_mut().unwrap().remove("uri");
+    let whole = glb(&inside, Some(&square_bytes()));
+    let path = folder.path().join("cut.glb");
+    for length in (0..whole.len()).step_by(7).chain(0..24) {
+        std::fs::write(&path, &whole[..length]).unwrap();
+        assert!(GltfScene::load(&path).is_err(), "{length} bytes");
+    }
+    for length in 0..12_u32 {
+        let mut short = whole.clone();
+        short[8..12].copy_from_slice(&length.to_le_bytes());
+        std::fs::write(&path, short).unwrap();
+        assert!(GltfScene::load(&path).is_err());
+    }
+    std::fs::write(&path, glb(&inside, None)).unwrap();
+    assert!(message(GltfScene::load(&path)).contains("binary chunk"));
+    assert!(matches!(GltfScene::load(folder.path()), Err(Error::File { .. })));
+    assert!(matches!(GltfScene::load(&folder.path().join("none.gltf")), Err(Error::File { .. })));
+}
+
+#[test]
+fn damaged_bytes_never_panic() {
+    let file = textured("MASK", json!({"index": 0}), &HALF_LEAF).to_string().into_bytes();
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("damaged.gltf");
+    let mut seed = 1_u64;
+    for _ in 0..1500 {
+        let mut damaged = file.clone();
+        for _ in 0..2 {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            let at = (seed >> 33) as usize % damaged.len();
+            damaged[at] = b"0123456789-[]{},e."[(seed >> 20) as usize % 18];
+        }
+        std::fs::write(&path, &damaged).unwrap();
+        if let Ok(mesh) = GltfScene::load(&path).and_then(|scene| scene.mesh(None)) {
+            let _ = Geometry::new(mesh);
+        }
+    }
+}
