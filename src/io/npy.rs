@@ -1,1 +1,493 @@
-//! npy
+//! NumPy arrays: `.npy` in and out, and SciPy's sparse matrices out.
+
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::path::Path;
+
+use npyz::{DType, WriteOptions, WriterBuilder};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+use super::whole::{write_whole, write_whole_seekable};
+use crate::{Error, Result};
+
+/// Writes an array of 32-bit floats in C order (the last axis is the fastest).
+///
+/// Errors: [`Error::Shape`] when there are not as many values as `shape` says, [`Error::NonFinite`] for a NaN or an
+/// infinity, [`Error::File`].
+pub fn write_f32(path: &Path, shape: &[usize], values: &[f32]) -> Result<()> {
+    let expected = product(shape).unwrap_or(usize::MAX);
+    if values.len() != expected {
+        return Err(Error::Shape { what: "an array", expected, got: values.len() });
+    }
+    check_finite(path, values)?;
+    write_whole(path, |file| {
+        write_array(file, shape, values.iter().copied()).map_err(file_error("write", path))
+    })
+}
+
+/// Writes a sparse matrix in compressed rows, as `scipy.sparse.load_npz` reads it.
+///
+/// Row `i` has the columns `indices[indptr[i]..indptr[i + 1]]` and there the values `data`. Columns are stored in
+/// 32 bits where they fit, and nothing is compressed: floats hardly shrink, and a gigabyte is written as fast as the
+/// disk takes it, without a second copy in memory.
+///
+/// Errors: [`Error::Shape`] when the arrays do not belong together, [`Error::Value`] when `indptr` falls or a column is
+/// outside the matrix, [`Error::NonFinite`], [`Error::File`].
+pub fn write_csr<I>(
+    path: &Path,
+    shape: (usize, usize),
+    indptr: &[i64],
+    indices: &[I],
+    data: &[f32],
+) -> Result<()>
+where
+    I: Copy + TryInto<usize>,
+{
+    check_rows(shape.0, indptr, data.len())?;
+    check_columns(shape.1, indices, data.len())?;
+    check_finite(path, data)?;
+    write_whole_seekable(path, |file| {
+        write_members(file, shape, indptr, indices, data).map_err(file_error("write", path))
+    })
+}
+
+/// Reads an array of 32- or 64-bit floats in C order, of either byte order: its shape and its values.
+///
+/// Errors: [`Error::File`] when it cannot be read; [`Error::Format`] when it is no such array, is in Fortran order, is
+/// shorter than its header says, or holds a value that is not finite as a 32-bit float.
+pub fn read_f32(path: &Path) -> Result<(Vec<usize>, Vec<f32>)> {
+    let file = File::open(path).map_err(file_error("read", path))?;
+    let bytes = file.metadata().map_err(file_error("read", path))?.len();
+    read_array(BufReader::new(file), bytes).map_err(|fault| match fault {
+        Fault::Read(source) if source.kind() == io::ErrorKind::UnexpectedEof => {
+            format_error(path, "it ends too early".to_owned())
+        }
+        Fault::Read(source) => file_error("read", path)(source),
+        Fault::Content(reason) => format_error(path, reason),
+    })
+}
+
+fn write_array<T: npyz::AutoSerialize>(
+    writer: impl Write,
+    shape: &[usize],
+    values: impl Iterator<Item = T>,
+) -> io::Result<()> {
+    let shape: Vec<u64> = shape.iter().map(|&length| length as u64).collect();
+    // The array is written value by value, and not every writer below is buffered.
+    let mut writer = BufWriter::with_capacity(1 << 16, writer);
+    let mut array = WriteOptions::new().default_dtype().shape(&shape).writer(&mut writer).begin_nd()?;
+    array.extend(values)?;
+    array.finish()?;
+    writer.flush()
+}
+
+fn write_members<I: Copy + TryInto<usize>>(
+    file: &mut BufWriter<&File>,
+    (rows, columns): (usize, usize),
+    indptr: &[i64],
+    indices: &[I],
+    data: &[f32],
+) -> io::Result<()> {
+    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true);
+    let mut archive = ZipWriter::new(file);
+    let columns_of_values = || indices.iter().map(|&index| column(index));
+    archive.start_file("indices.npy", options)?;
+    if i32::try_from(columns).is_ok() {
+        write_array(&mut archive, &[indices.len()], columns_of_values().map(|column| column as i32))?;
+    } else {
+        write_array(&mut archive, &[indices.len()], columns_of_values().map(|column| column as i64))?;
+    }
+    archive.start_file("indptr.npy", options)?;
+    write_array(&mut archive, &[indptr.len()], indptr.iter().copied())?;
+    archive.start_file("format.npy", options)?;
+    write_format_name(&mut archive)?;
+    archive.start_file("shape.npy", options)?;
+    write_array(&mut archive, &[2], [rows as i64, columns as i64].into_iter())?;
+    archive.start_file("data.npy", options)?;
+    write_array(&mut archive, &[data.len()], data.iter().copied())?;
+    archive.finish()?;
+    Ok(())
+}
+
+/// `b'csr'` as an array of no axes, which is how `scipy.sparse.save_npz` says what the other members mean.
+fn write_format_name(writer: impl Write) -> io::Result<()> {
+    let text = "|S3".parse().map_err(|error| io::Error::other(format!("{error}")))?;
+    let name = WriteOptions::<[u8]>::new().dtype(DType::Plain(text)).shape(&[]);
+    let mut name = name.writer(writer).begin_nd()?;
+    name.push(b"csr")?;
+    name.finish()
+}
+
+/// Out of any matrix when it does not fit.
+fn column<I: TryInto<usize>>(index: I) -> usize {
+    index.try_into().unwrap_or(usize::MAX)
+}
+
+fn check_rows(rows: usize, indptr: &[i64], values: usize) -> Result<()> {
+    if indptr.len() != rows.saturating_add(1) {
+        return Err(Error::Shape { what: "indptr", expected: rows.saturating_add(1), got: indptr.len() });
+    }
+    if indptr[0] != 0 || indptr[rows] != values as i64 {
+        let got = format!("from {} to {}, with {values} values", indptr[0], indptr[rows]);
+        return Err(Error::value("indptr", got, "from 0 to the number of values"));
+    }
+    match indptr.windows(2).position(|pair| pair[0] > pair[1]) {
+        None => Ok(()),
+        Some(row) => {
+            Err(Error::value(format!("indptr[{}]", row + 1), indptr[row + 1], "no less than before"))
+        }
+    }
+}
+
+fn check_columns<I: Copy + TryInto<usize>>(columns: usize, indices: &[I], values: usize) -> Result<()> {
+    if indices.len() != values {
+        return Err(Error::Shape { what: "indices", expected: values, got: indices.len() });
+    }
+    match indices.iter().position(|&index| column(index) >= columns) {
+        None => Ok(()),
+        Some(at) => Err(Error::value(
+            format!("indices[{at}]"),
+            "a column outside the matrix",
+            "less than its number of columns",
+        )),
+    }
+}
+
+fn check_finite(path: &Path, values: &[f32]) -> Result<()> {
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(index) => Err(Error::NonFinite {
+            what: path.display().to_string(),
+            place: format!("value {index} of {}", values.len()),
+        }),
+    }
+}
+
+/// Why an array cannot be read.
+enum Fault {
+    Read(io::Error),
+    Content(String),
+}
+
+impl From<io::Error> for Fault {
+    fn from(source: io::Error) -> Self {
+        Self::Read(source)
+    }
+}
+
+fn read_array(mut file: impl Read, bytes: u64) -> Result<(Vec<usize>, Vec<f32>), Fault> {
+    let (text, header_bytes) = read_header(&mut file)?;
+    let header = Header::parse(&text)
+        .ok_or_else(|| Fault::Content(format!("its header cannot be understood: {}", text.trim_end())))?;
+    let decode = Decode::of(header.dtype)?;
+    if header.fortran_order && header.shape.len() > 1 {
+        let reason = "it is in Fortran order; save it with numpy.ascontiguousarray".to_owned();
+        return Err(Fault::Content(reason));
+    }
+    let count = product(&header.shape);
+    let needed = count.and_then(|count| count.checked_mul(decode.width));
+    let available = bytes.saturating_sub(header_bytes);
+    let count =
+        count.filter(|_| needed.is_some_and(|needed| needed as u64 <= available)).ok_or_else(|| {
+            Fault::Content(format!(
+                "it holds {available} bytes, which are too few for the shape {:?}",
+                header.shape
+            ))
+        })?;
+    let values = read_values(&mut file, count, &decode)?;
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok((header.shape, values)),
+        Some(index) => Err(Fault::Content(format!("value {index} is not a finite 32-bit float"))),
+    }
+}
+
+/// The text that describes the array, and how many bytes come before the values.
+fn read_header(file: &mut impl Read) -> Result<(String, u64), Fault> {
+    /// Headers of plain arrays have 118 bytes; only structured ones are long.
+    const LONGEST: usize = 1 << 14;
+    let mut start = [0; 8];
+    file.read_exact(&mut start)?;
+    if &start[..6] != b"\x93NUMPY" {
+        return Err(Fault::Content("its first bytes are not those of a NumPy array".to_owned()));
+    }
+    let mut length = [0; 4];
+    let length_bytes = if start[6] == 1 { 2 } else { 4 };
+    file.read_exact(&mut length[..length_bytes])?;
+    let length = u32::from_le_bytes(length) as usize;
+    if !(1..=3).contains(&start[6]) || length > LONGEST {
+        return Err(Fault::Content(format!("its header is of version {} and {length} bytes long", start[6])));
+    }
+    let mut text = vec![0; length];
+    file.read_exact(&mut text)?;
+    Ok((String::from_utf8_lossy(&text).into_owned(), (8 + length_bytes + length) as u64))
+}
+
+/// Of the Python dictionary in a header, what there is to know of a plain array.
+///
+/// Read by hand: `npyz` multiplies a shape out unchecked and its parser recurses as deep as the file wants.
+#[derive(Debug, PartialEq)]
+struct Header<'t> {
+    dtype: &'t str,
+    fortran_order: bool,
+    shape: Vec<usize>,
+}
+
+impl<'t> Header<'t> {
+    fn parse(text: &'t str) -> Option<Self> {
+        let dtype = value_of(text, "descr")?.strip_prefix(['\'', '"']).unwrap_or("a structure");
+        let order = value_of(text, "fortran_order")?;
+        let fortran_order = order.starts_with("True");
+        if !fortran_order && !order.starts_with("False") {
+            return None;
+        }
+        let shape = value_of(text, "shape")?.strip_prefix('(')?.split_once(')')?.0;
+        let lengths = shape.split(',').map(|length| length.trim().trim_end_matches('L'));
+        Some(Self {
+            dtype: dtype.split(['\'', '"']).next()?,
+            fortran_order,
+            shape: lengths
+                .filter(|length| !length.is_empty())
+                .map(|l| l.parse().ok())
+                .collect::<Option<_>>()?,
+        })
+    }
+}
+
+fn value_of<'t>(text: &'t str, key: &str) -> Option<&'t str> {
+    let after = text.split_once(&format!("'{key}'")).or_else(|| text.split_once(&format!("\"{key}\"")))?.1;
+    Some(after.trim_start().strip_prefix(':')?.trim_start())
+}
+
+/// How the bytes of one value become a number.
+struct Decode {
+    width: usize,
+    value: fn(&[u8]) -> f32,
+}
+
+impl Decode {
+    fn of(dtype: &str) -> Result<Self, Fault> {
+        fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
+            std::array::from_fn(|index| bytes[index])
+        }
+        let (width, value): (_, fn(&[u8]) -> f32) = match dtype {
+            "<f4" => (4, |bytes| f32::from_le_bytes(array(bytes))),
+            ">f4" => (4, |bytes| f32::from_be_bytes(array(bytes))),
+            "<f8" => (8, |bytes| f64::from_le_bytes(array(bytes)) as f32),
+            ">f8" => (8, |bytes| f64::from_be_bytes(array(bytes)) as f32),
+            other => {
+                let reason = format!("its values are {other}; save them with .astype('float32')");
+                return Err(Fault::Content(reason));
+            }
+        };
+        Ok(Self { width, value })
+    }
+}
+
+fn read_values(file: &mut impl Read, count: usize, decode: &Decode) -> io::Result<Vec<f32>> {
+    const VALUES_AT_ONCE: usize = 1 << 13;
+    let mut values = Vec::with_capacity(count);
+    let mut bytes = vec![0; VALUES_AT_ONCE * decode.width];
+    while values.len() < count {
+        let part = &mut bytes[..decode.width * VALUES_AT_ONCE.min(count - values.len())];
+        file.read_exact(part)?;
+        values.extend(part.chunks_exact(decode.width).map(decode.value));
+    }
+    Ok(values)
+}
+
+/// None when there are more than can be counted.
+fn product(shape: &[usize]) -> Option<usize> {
+    // An axis of length zero empties the array however long the others are.
+    if shape.contains(&0) {
+        return Some(0);
+    }
+    shape.iter().try_fold(1_usize, |product, &length| product.checked_mul(length))
+}
+
+fn file_error(action: &'static str, path: &Path) -> impl Fn(io::Error) -> Error {
+    let path = path.to_owned();
+    move |source| Error::File { action, path: path.clone(), source }
+}
+
+fn format_error(path: &Path, reason: String) -> Error {
+    Error::Format { path: path.to_owned(), format: "NumPy", reason }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn npy(header: &str, data: &[u8]) -> Vec<u8> {
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.as_bytes());
+        bytes.extend(data);
+        bytes
+    }
+
+    fn read(bytes: &[u8]) -> Result<(Vec<usize>, Vec<f32>)> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        std::fs::write(&path, bytes).unwrap();
+        read_f32(&path)
+    }
+
+    fn reason(bytes: &[u8]) -> String {
+        match read(bytes) {
+            Err(Error::Format { reason, .. }) => reason,
+            other => panic!("a format error was expected, not {other:?}"),
+        }
+    }
+
+    #[test]
+    fn an_array_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        let values: Vec<f32> = (0..20_000).map(|i| i as f32 / 7.0).collect();
+        for shape in [vec![20_000], vec![100, 200], vec![10, 20, 50, 2]] {
+            write_f32(&path, &shape, &values).unwrap();
+            assert_eq!(read_f32(&path).unwrap(), (shape, values.clone()));
+        }
+        write_f32(&path, &[], &[3.5]).unwrap();
+        assert_eq!(read_f32(&path).unwrap(), (vec![], vec![3.5]));
+        write_f32(&path, &[0, 3], &[]).unwrap();
+        assert_eq!(read_f32(&path).unwrap(), (vec![0, 3], vec![]));
+        assert!(matches!(
+            write_f32(&path, &[3, 3], &[1.0; 8]),
+            Err(Error::Shape { expected: 9, got: 8, .. })
+        ));
+        assert!(matches!(write_f32(&path, &[2], &[1.0, f32::NAN]), Err(Error::NonFinite { .. })));
+    }
+
+    #[test]
+    fn every_float_and_byte_order_is_read() {
+        let header =
+            |dtype: &str| format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': (2,), }}\n");
+        let numbers = [0.5_f64, -3.25];
+        let files = [
+            ("<f4", numbers.map(|v| (v as f32).to_le_bytes().to_vec())),
+            (">f4", numbers.map(|v| (v as f32).to_be_bytes().to_vec())),
+            ("<f8", numbers.map(|v| v.to_le_bytes().to_vec())),
+            (">f8", numbers.map(|v| v.to_be_bytes().to_vec())),
+        ];
+        for (dtype, data) in files {
+            assert_eq!(read(&npy(&header(dtype), &data.concat())).unwrap(), (vec![2], vec![0.5, -3.25]));
+        }
+        assert!(reason(&npy(&header("<i8"), &[0; 16])).contains("astype('float32')"));
+        assert!(reason(&npy(&header("<f8"), &1e300_f64.to_le_bytes().repeat(2))).contains("value 0"));
+        assert!(reason(&npy(&header("<f4"), &f32::NAN.to_le_bytes().repeat(2))).contains("value 0"));
+    }
+
+    #[test]
+    fn headers_that_promise_too_much_are_refused() {
+        let with = |order: &str, shape: &str| {
+            let header = format!("{{'descr': '<f4', 'fortran_order': {order}, 'shape': {shape}, }}\n");
+            npy(&header, &[0; 24])
+        };
+        assert_eq!(read(&with("False", "(2, 3)")).unwrap().0, [2, 3]);
+        assert_eq!(read(&with("True", "(6,)")).unwrap().0, [6]);
+        assert!(reason(&with("True", "(2, 3)")).contains("Fortran order"));
+        let huge = ["(2, 4)", "(4294967296, 4294967296, 4)", "(99999999999999999999999,)", "(-1, 6)", "6"];
+        for shape in huge {
+            assert!(!reason(&with("False", shape)).is_empty(), "{shape}");
+        }
+        assert!(reason(&with("maybe", "(2, 3)")).contains("understood"));
+        assert!(reason(&npy(&"(".repeat(16_000), &[])).contains("understood"));
+        assert!(reason(b"PK\x03\x04 something else").contains("first bytes"));
+        assert!(reason(b"").contains("ends too early"));
+        let long = [b"\x93NUMPY\x02\x00".as_slice(), &u32::MAX.to_le_bytes()].concat();
+        assert!(reason(&long).contains("bytes long"));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(500) })]
+
+        #[test]
+        fn damaged_arrays_never_panic(
+            damage in prop::collection::vec((0_usize..140, any::<u8>()), 0..6),
+            length in 0_usize..160,
+        ) {
+            let header = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }\n";
+            let mut bytes = npy(header, &[0; 48]);
+            for (index, value) in damage {
+                let index = index % bytes.len();
+                bytes[index] = value;
+            }
+            bytes.truncate(length);
+            if let Err(error) = read(&bytes) {
+                let is_about_the_content = matches!(error, Error::Format { .. });
+                prop_assert!(is_about_the_content, "{}", error);
+            }
+        }
+    }
+
+    const INDPTR: [i64; 4] = [0, 2, 2, 3];
+    const DATA: [f32; 3] = [1.5, 2.5, -4.0];
+
+    /// The members of an archive: name and the bytes after the header of the array in it.
+    fn members(path: &Path) -> Vec<(String, String, Vec<u8>)> {
+        let mut archive = zip::ZipArchive::new(File::open(path).unwrap()).unwrap();
+        (0..archive.len())
+            .map(|index| {
+                let mut member = archive.by_index(index).unwrap();
+                let (text, _) = read_header(&mut member).map_err(|_| ()).unwrap();
+                let mut data = Vec::new();
+                member.read_to_end(&mut data).unwrap();
+                (member.name().unwrap().into_owned(), text, data)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_sparse_matrix_has_the_members_that_scipy_reads() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("T.npz");
+        write_csr(&path, (3, 4), &INDPTR, &[0_u32, 3, 1], &DATA).unwrap();
+        let bytes = |values: &[i64]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
+        let expected = [
+            ("indices.npy", "'<i4'", "(3,)", [0_i32, 3, 1].map(i32::to_le_bytes).concat()),
+            ("indptr.npy", "'<i8'", "(4,)", bytes(&INDPTR)),
+            ("format.npy", "'|S3'", "()", b"csr".to_vec()),
+            ("shape.npy", "'<i8'", "(2,)", bytes(&[3, 4])),
+            ("data.npy", "'<f4'", "(3,)", DATA.map(f32::to_le_bytes).concat()),
+        ];
+        let members = members(&path);
+        assert_eq!(members.len(), expected.len());
+        for ((name, text, data), (expected, dtype, shape, bytes)) in members.iter().zip(expected) {
+            assert_eq!((name.as_str(), data), (expected, &bytes));
+            let shape = format!("'shape':{shape},");
+            assert!(text.contains(dtype) && text.replace(' ', "").contains(&shape), "{text}");
+        }
+    }
+
+    #[test]
+    fn columns_beyond_32_bits_are_written_in_64() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("T.npz");
+        write_csr(&path, (1, 1 << 33), &[0, 1], &[1_u64 << 32], &[1.0]).unwrap();
+        let (_, text, data) = &members(&path)[0];
+        assert!(text.contains("'<i8'"));
+        assert_eq!(data, &(1_i64 << 32).to_le_bytes());
+    }
+
+    #[test]
+    fn matrices_that_are_none_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("T.npz");
+        let write = |indptr: &[i64], indices: &[i32], data: &[f32]| {
+            write_csr(&path, (3, 4), indptr, indices, data).unwrap_err().to_string()
+        };
+        assert!(write(&INDPTR[..3], &[0, 3, 1], &DATA).contains("indptr"));
+        assert!(write(&[0, 2, 1, 3], &[0, 3, 1], &DATA).contains("indptr[2]"));
+        assert!(write(&[0, 2, 2, 2], &[0, 3, 1], &DATA).contains("from 0 to 2"));
+        assert!(write(&INDPTR, &[0, 3], &DATA).contains("indices"));
+        assert!(write(&INDPTR, &[0, 4, 1], &DATA).contains("indices[1]"));
+        assert!(write(&INDPTR, &[0, -1, 1], &DATA).contains("indices[1]"));
+        assert!(write(&INDPTR, &[0, 3, 1], &[1.0, f32::INFINITY, 1.0]).contains("value 1 of 3"));
+        assert!(!path.exists());
+    }
+}

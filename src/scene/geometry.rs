@@ -5,7 +5,7 @@ mod triangle;
 use glam::DVec3;
 
 use self::hierarchy::Hierarchy;
-use super::{Mesh, Ray, Rgb};
+use super::{LightFrame, Mesh, Ray, Rgb};
 use crate::{Error, Result};
 
 /// Triangles with a bounding volume hierarchy over them.
@@ -59,6 +59,14 @@ impl Geometry {
     /// The corners of the smallest box around everything; none for open air.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         self.hierarchy.as_ref().map(Hierarchy::bounds)
+    }
+
+    /// Least and largest depth of everything along a light, in metres; none for open air.
+    pub fn depths(&self, frame: &LightFrame) -> Option<[f64; 2]> {
+        let depths = self.mesh.positions.iter().map(|&p| frame.light_from_world(p).z);
+        depths.fold(None, |range: Option<[f64; 2]>, z| {
+            Some(range.map_or([z, z], |[least, largest]| [least.min(z), largest.max(z)]))
+        })
     }
 
     /// The first surface after the origin and before `limit` metres, holes of alpha masks passed through.

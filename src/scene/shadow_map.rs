@@ -48,7 +48,10 @@ impl ShadowMap {
     ///
     /// Cost: one ray a texel.
     pub fn render(geometry: &Geometry, frame: &LightFrame, grid: Grid) -> Result<Self> {
-        let start = geometry.depths(frame).map_or(0.0, |[nearest, _]| nearest);
+        // A ray does not see what it starts on, so it starts before everything.
+        let start = geometry.depths(frame).map_or(0.0, |[nearest, farthest]| {
+            nearest - 1e-3 * (farthest - nearest) - 1e-6 * nearest.abs() - 1e-6
+        });
         let direction = frame.world_from_light(glam::DVec3::Z);
         let depths: Vec<f32> = (0..grid.len())
             .into_par_iter()

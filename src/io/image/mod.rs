@@ -5,7 +5,7 @@ mod openexr;
 mod srgb;
 
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, Write};
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use super::whole::write_whole;

@@ -132,7 +132,7 @@ impl Channels {
         }
         let best = found.iter().position(|channels| layered || channels.prefix.is_empty());
         let best = best.map(|index| found.swap_remove(index)).ok_or_else(|| {
-            let names = headers.iter().flat_map(|header| names_of(header)).collect::<Vec<_>>().join(", ");
+            let names = headers.iter().flat_map(names_of).collect::<Vec<_>>().join(", ");
             failed(format!("it has no channels R, G, B or Y at full resolution, only {names}"))
         })?;
         if N == 4 && best.rgba[3].is_none() {
