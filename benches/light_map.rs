@@ -11,7 +11,9 @@ use glam::{DVec2, DVec3};
 use unscatter::cpu::{Transport, WalkPlan};
 use unscatter::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use unscatter::operator::{CpuVector, Identity, LinearOperator, Scaled, Stacked, Vector};
-use unscatter::scene::{Basis, Camera, Extent, FovAxis, Grid, LightFrame, Medium, Quadrature, ShadowMap, Strategy, look_at};
+use unscatter::scene::{
+    Basis, Camera, Extent, FovAxis, Grid, LightFrame, Medium, Quadrature, ShadowMap, Strategy, look_at,
+};
 use unscatter::solve::{Cgls, Control, LeastSquares, Limits, drive};
 
 /// Rows of pillars under a slanted sun, seen from three places; 41,240 rays through a disc of pixels of each view.

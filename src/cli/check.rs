@@ -49,7 +49,9 @@ pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done>
         adjoint_test(&explicit, 3, 1)?.error,
         ADJOINT_EXPLICIT,
     )];
-    for (name, strategy) in [("cpu, assembled", Strategy::Assembled), ("cpu, matrix-free", Strategy::MatrixFree)] {
+    for (name, strategy) in
+        [("cpu, assembled", Strategy::Assembled), ("cpu, matrix-free", Strategy::MatrixFree)]
+    {
         let operator = problem.operator_with(strategy, u64::MAX)?;
         let [forward, backward] = differences(&operator, &explicit)?;
         verdicts.extend([
@@ -59,7 +61,12 @@ pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done>
         ]);
     }
     let error = finite_difference(&problem, &explicit)?;
-    verdicts.push(verdict("gradient by finite differences", "explicit matrix, f64", error, FINITE_DIFFERENCE));
+    verdicts.push(verdict(
+        "gradient by finite differences",
+        "explicit matrix, f64",
+        error,
+        FINITE_DIFFERENCE,
+    ));
     steps.finish();
     let rows = Traversal::<f64, 1>::rows(&problem.traversal);
     let mut words = vec![format!("{}: {rows} rows, {} non-zeros", scene.name, explicit.channel(0).nnz())];
@@ -93,7 +100,8 @@ fn differences(operator: &LightMapOperator, explicit: &ExplicitMatrix) -> Result
 fn relative(got: &CpuVector, truth: &CpuVector<f64>) -> Result<f64> {
     let mut difference = CpuVector(got.to_host()?);
     difference.axpby([-1.0; 3], truth, [1.0; 3]);
-    let norm = |vector: &CpuVector<f64>| vector.norm_squared().map(|squares| squares.iter().sum::<f64>().sqrt());
+    let norm =
+        |vector: &CpuVector<f64>| vector.norm_squared().map(|squares| squares.iter().sum::<f64>().sqrt());
     Ok(norm(&difference)? / norm(truth)?.max(f64::MIN_POSITIVE))
 }
 
@@ -117,6 +125,7 @@ fn finite_difference(problem: &LightMapProblem, explicit: &ExplicitMatrix) -> Re
     explicit.apply_adjoint(&residual(0.0)?, &mut gradient)?;
     let slope: f64 = gradient.dot(&d)?.iter().sum();
     let difference = (value(0.5)? - value(-0.5)?) - slope;
-    let scale = gradient.norm_squared()?.iter().sum::<f64>().sqrt() * d.norm_squared()?.iter().sum::<f64>().sqrt();
+    let scale =
+        gradient.norm_squared()?.iter().sum::<f64>().sqrt() * d.norm_squared()?.iter().sum::<f64>().sqrt();
     Ok(difference.abs() / scale.max(f64::MIN_POSITIVE))
 }

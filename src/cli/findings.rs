@@ -54,11 +54,7 @@ impl Findings<'_> {
                 walked_rows: storage.walked_rows as u64,
             },
             problem: self.size(),
-            regularization: Regularization {
-                tikhonov: self.solved.tikhonov,
-                laplacian: 0.0,
-                gradient: 0.0,
-            },
+            regularization: Regularization { tikhonov: self.solved.tikhonov, laplacian: 0.0, gradient: 0.0 },
             settings: self.settings(),
             history: self.history(),
             stop: StopRecord { reason: stop.reason.name().to_owned(), iteration: stop.iteration as u64 },
@@ -146,7 +142,8 @@ impl Findings<'_> {
 
     fn skipped(&self) -> BTreeMap<String, Share> {
         let rows = self.problem.constraints.len();
-        let pixels: usize = self.scene.views.iter().map(|view| view.camera.size().iter().product::<usize>()).sum();
+        let pixels: usize =
+            self.scene.views.iter().map(|view| view.camera.size().iter().product::<usize>()).sum();
         let (mut texels, mut lit, mut cut) = (0.0, 0.0, 0);
         for row in 0..rows {
             let extent = self.problem.traversal.extent(row);

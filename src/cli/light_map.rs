@@ -1,9 +1,9 @@
 use std::time::{Duration, Instant};
 
 use super::args::LightMapArguments;
+use super::findings::Findings;
 use super::progress::{Steps, interrupted, watch_interrupt};
 use super::results::{Folder, ViewPictures};
-use super::findings::Findings;
 use super::{Done, Manners, job, resume};
 use crate::operator::{CpuVector, adjoint_test};
 use crate::problem::{LightMapProblem, assess, render, solve};
@@ -101,7 +101,12 @@ fn start(problem: &LightMapProblem) -> CpuVector {
 }
 
 /// The pictures of all views under a light map.
-fn draw(scene: &Scene, problem: &LightMapProblem, texels: &[Rgb], steps: &Steps) -> Result<Vec<ViewPictures>> {
+fn draw(
+    scene: &Scene,
+    problem: &LightMapProblem,
+    texels: &[Rgb],
+    steps: &Steps,
+) -> Result<Vec<ViewPictures>> {
     let draw_view = |view: usize| {
         let rendering = render(scene, &problem.maps, Some(texels), view)?;
         let width = scene.views[view].camera.size()[0];
@@ -129,7 +134,8 @@ fn light_map_picture(problem: &LightMapProblem, texels: Vec<Rgb>) -> Result<Imag
 /// The coverage as a picture: the logarithm of diag(Tᵀ W T) over six decades, black where no ray arrives.
 fn coverage_picture(problem: &LightMapProblem, coverage: &CpuVector) -> Result<Image> {
     let most = coverage.0.iter().flatten().copied().fold(f32::MIN_POSITIVE, f32::max);
-    let shade = |value: f32| if value > 0.0 { ((value / most).log10() / 6.0 + 1.0).clamp(0.05, 1.0) } else { 0.0 };
+    let shade =
+        |value: f32| if value > 0.0 { ((value / most).log10() / 6.0 + 1.0).clamp(0.05, 1.0) } else { 0.0 };
     Image::new(problem.maps.light_map.size, coverage.0.iter().map(|texel| texel.map(shade)).collect())
 }
 

@@ -6,8 +6,10 @@ const ASSUMED: u64 = 4 << 30;
 /// Bytes that are free, as the system says; a container's limit counts.
 pub(crate) fn free_memory() -> Option<u64> {
     let free = kibibytes_after("/proc/meminfo", "MemAvailable:")?;
-    let limit = fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|text| text.trim().parse().ok());
-    let used = fs::read_to_string("/sys/fs/cgroup/memory.current").ok().and_then(|text| text.trim().parse().ok());
+    let limit =
+        fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|text| text.trim().parse().ok());
+    let used =
+        fs::read_to_string("/sys/fs/cgroup/memory.current").ok().and_then(|text| text.trim().parse().ok());
     Some(match (limit, used) {
         (Some(limit), Some(used)) => free.min(u64::saturating_sub(limit, used)),
         _ => free,

@@ -52,7 +52,8 @@ pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done>
         _ => (budget as f64 / problem.plan.bytes.max(1) as f64).min(1.0),
     };
     let extents = (0..rows).map(|row| problem.traversal.extent(row));
-    let (texels, lit_texels) = extents.fold((0.0, 0.0), |(all, lit), row| (all + row.texels, lit + row.lit_texels));
+    let (texels, lit_texels) =
+        extents.fold((0.0, 0.0), |(all, lit), row| (all + row.texels, lit + row.lit_texels));
     let plan = Plan {
         scene: scene.name.clone(),
         views: scene.views.len(),

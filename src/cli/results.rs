@@ -1,9 +1,9 @@
 use std::path::{Path, PathBuf};
 
 use crate::problem::Rendering;
-use crate::{io, report};
-use crate::scene::{Image, RgbaImage, Rgb, Scene};
+use crate::scene::{Image, Rgb, RgbaImage, Scene};
 use crate::{Error, Result};
+use crate::{io, report};
 
 /// The folder that a command writes its results to.
 #[derive(Debug)]

@@ -43,13 +43,14 @@ impl Keeper {
         if entries.is_empty() || !rest.is_empty() {
             return Err(wrong());
         }
-        let progress = entries.iter().map(|&[iteration, seconds, applications, r0, r1, r2, s0, s1, s2]| Progress {
-            iteration: iteration as usize,
-            seconds,
-            operator_applications: applications as usize,
-            residual: [r0, r1, r2],
-            normal_residual: [s0, s1, s2],
-        });
+        let progress =
+            entries.iter().map(|&[iteration, seconds, applications, r0, r1, r2, s0, s1, s2]| Progress {
+                iteration: iteration as usize,
+                seconds,
+                operator_applications: applications as usize,
+                residual: [r0, r1, r2],
+                normal_residual: [s0, s1, s2],
+            });
         let start = Measure { residual: [r0, r1, r2], normal_residual: [s0, s1, s2] };
         let history = History { progress: progress.collect(), start };
         let vectors = vectors.iter().map(|vector| vector.as_chunks::<3>().0.to_vec()).collect();
@@ -61,7 +62,10 @@ impl Keeper {
 fn fingerprint(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let settings = &scene.solve;
     let mut words = vec![
-        format!("{:?} {:?} {:?} {:?}", settings.solver, settings.basis, settings.quadrature, settings.regularization),
+        format!(
+            "{:?} {:?} {:?} {:?}",
+            settings.solver, settings.basis, settings.quadrature, settings.regularization
+        ),
         format!("{:?} {:?}", problem.maps.light_map, problem.maps.shadow_map.grid()),
         format!("{:?} {:?}", scene.medium, scene.light),
         format!("{:?} {}", settings.strategy, settings.transmittance_bound),

@@ -97,7 +97,10 @@ mod tests {
     fn numbers_survive_and_other_problems_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("checkpoint");
-        let saved = Checkpoint { fingerprint: u64::MAX - 5, blocks: vec![vec![0.1, -0.0, 1e-310], vec![], vec![3.0]] };
+        let saved = Checkpoint {
+            fingerprint: u64::MAX - 5,
+            blocks: vec![vec![0.1, -0.0, 1e-310], vec![], vec![3.0]],
+        };
         saved.write(&path).unwrap();
         assert_eq!(Checkpoint::read(&path, u64::MAX - 5).unwrap(), saved);
         assert!(matches!(Checkpoint::read(&path, 7), Err(Error::Checkpoint { .. })));
@@ -113,7 +116,8 @@ mod tests {
             std::fs::write(&path, &whole[..cut]).unwrap();
             assert!(Checkpoint::read(&path, 1).is_err(), "{cut} bytes");
         }
-        let absurd = format!("{MAGIC}\n{{\"fingerprint\":\"0000000000000001\",\"lengths\":[{}]}}\n", u64::MAX);
+        let absurd =
+            format!("{MAGIC}\n{{\"fingerprint\":\"0000000000000001\",\"lengths\":[{}]}}\n", u64::MAX);
         std::fs::write(&path, absurd).unwrap();
         assert!(Checkpoint::read(&path, 1).is_err());
     }

@@ -122,7 +122,8 @@ impl LightMapTraversal {
     /// What of a row is walked and what is skipped.
     pub fn extent(&self, row: usize) -> RowExtent {
         let (ray, end) = (&self.rays[row], self.end(&self.rays[row]));
-        let mut extent = RowExtent { cut_off: end < ray.length && ray.length.is_finite(), ..RowExtent::default() };
+        let mut extent =
+            RowExtent { cut_off: end < ray.length && ray.length.is_finite(), ..RowExtent::default() };
         if let Some([enter, leave]) = self.transport.inside(ray, end) {
             let [_, slope] = grid_ray(ray, &self.transport.light_map);
             extent.texels = slope.length() * (leave - enter);

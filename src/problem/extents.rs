@@ -4,8 +4,8 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::{Constraint, light_map};
-use crate::{Error, Result};
 use crate::scene::{Extent, Grid, LightFrame, MapSettings, Ray, Scene, ShadowMap};
+use crate::{Error, Result};
 
 /// Transmittance at which a ray that hits nothing no longer counts for the extent of the maps.
 const FADED: f64 = 0.02;

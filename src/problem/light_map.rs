@@ -108,10 +108,12 @@ impl LightMapProblem {
 
     /// The painted pixels of a view, each with its place and the change of its scattered light that is asked for.
     pub fn wanted(&self, view: usize) -> impl Iterator<Item = (usize, usize, Rgb)> + '_ {
-        self.constraints.iter().enumerate().filter(move |(_, pixel)| pixel.view == view).map(|(row, pixel)| {
-            let inside = self.traversal.inside_weight(row);
-            (pixel.x, pixel.y, rgb(|c| self.targets[row][c] - inside[c] as f32 * self.start[c]))
-        })
+        self.constraints.iter().enumerate().filter(move |(_, pixel)| pixel.view == view).map(
+            |(row, pixel)| {
+                let inside = self.traversal.inside_weight(row);
+                (pixel.x, pixel.y, rgb(|c| self.targets[row][c] - inside[c] as f32 * self.start[c]))
+            },
+        )
     }
 
     /// The problem of at most `rows` of its rows, evenly spread, and their share of all.
