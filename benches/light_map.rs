@@ -10,7 +10,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec2, DVec3};
 use unscatter::cpu::{Transport, WalkPlan};
 use unscatter::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use unscatter::operator::{CpuVector, Identity, LinearOperator, Scaled, Stacked, Vector};
+use unscatter::operator::{CpuVector, Identity, LinearOperator, Stacked, Vector};
 use unscatter::scene::{
     Basis, Camera, Extent, FovAxis, Grid, LightFrame, Medium, Quadrature, ShadowMap, Strategy, look_at,
 };
@@ -61,7 +61,7 @@ fn build(traversal: &LightMapTraversal, strategy: Strategy) -> Transport<LightMa
 }
 
 fn solve(operator: &Transport<LightMapTraversal, f32, 1>) -> f32 {
-    let pull = Scaled::new(Identity::new(&operator.domain()), [0.05; 3]);
+    let pull = Identity::scaled(&operator.domain(), [0.05; 3]);
     let stacked = Stacked::new(operator, pull).unwrap();
     let mut targets = operator.range();
     for (index, target) in targets.0.iter_mut().enumerate() {

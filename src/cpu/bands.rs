@@ -2,8 +2,10 @@ use std::ops::Range;
 
 /// Elements a block: bands begin and end at multiples of it.
 const BLOCK: usize = 64;
-/// Bands at most: enough for the threads of a workstation to balance.
-const MOST: usize = 32;
+/// Bands that the work is shared among: enough for the threads of a workstation to balance.
+const SHARES: u64 = 32;
+/// Elements a band at most, so that 16 bits tell them apart.
+const LONGEST: usize = 1 << 16;
 
 /// The elements cut into ranges of about equal work.
 ///
@@ -12,7 +14,7 @@ const MOST: usize = 32;
 #[derive(Debug, Clone)]
 pub(super) struct Bands {
     ranges: Vec<Range<usize>>,
-    of_block: Vec<u8>,
+    of_block: Vec<u32>,
 }
 
 impl Bands {
@@ -20,16 +22,16 @@ impl Bands {
     pub(super) fn balanced(elements: usize, visits: &[u64]) -> Self {
         let blocks = elements.div_ceil(BLOCK);
         let visits_of = |block: usize| visits.get(block).copied().unwrap_or(0);
-        let total: u64 = visits.iter().sum();
-        let share = (total / MOST as u64).max(1);
+        let share = (visits.iter().sum::<u64>() / SHARES).max(1);
         let (mut ranges, mut of_block) = (Vec::new(), Vec::with_capacity(blocks));
         let (mut start, mut sum) = (0, 0);
         for block in 0..blocks {
-            of_block.push(ranges.len() as u8);
+            of_block.push(ranges.len() as u32);
             sum += visits_of(block);
-            if sum >= share && ranges.len() + 1 < MOST {
-                ranges.push(start..(block + 1) * BLOCK);
-                (start, sum) = ((block + 1) * BLOCK, 0);
+            let end = (block + 1) * BLOCK;
+            if sum >= share || end - start + BLOCK > LONGEST {
+                ranges.push(start..end);
+                (start, sum) = (end, 0);
             }
         }
         match ranges.last_mut() {
@@ -53,16 +55,25 @@ impl Bands {
         self.ranges.len()
     }
 
-    pub(super) fn of(&self, element: u32) -> usize {
-        usize::from(self.of_block[element as usize / BLOCK])
+    /// The band of an element, and the elements in it.
+    #[inline]
+    pub(super) fn of(&self, element: usize) -> (usize, Range<usize>) {
+        let band = self.of_block[element / BLOCK] as usize;
+        (band, self.ranges[band].clone())
+    }
+
+    /// The elements of a band.
+    #[inline]
+    pub(super) fn range(&self, band: usize) -> Range<usize> {
+        self.ranges[band].clone()
     }
 
     /// A slice over all elements, cut into its bands.
-    pub(super) fn split<'a, T>(&self, mut values: &'a mut [T]) -> Vec<(Range<usize>, &'a mut [T])> {
+    pub(super) fn split<'a, T>(&self, mut values: &'a mut [T]) -> Vec<&'a mut [T]> {
         let mut parts = Vec::with_capacity(self.ranges.len());
         for range in &self.ranges {
             let (band, rest) = values.split_at_mut(range.len());
-            parts.push((range.clone(), band));
+            parts.push(band);
             values = rest;
         }
         parts
@@ -75,7 +86,7 @@ mod tests {
 
     #[test]
     fn bands_cover_every_element_once_and_know_their_own() {
-        for elements in [1, 63, 64, 65, 1000, 64 * 40, 64 * 40 + 1] {
+        for elements in [1, 63, 64, 65, 1000, 64 * 40, 64 * 40 + 1, 3 * LONGEST + 5] {
             for seed in 0..5u64 {
                 let visits: Vec<u64> = (0..Bands::blocks(elements) as u64)
                     .map(|block| (block * 7919 + seed) % 13 * seed)
@@ -83,14 +94,15 @@ mod tests {
                 let bands = Bands::balanced(elements, &visits);
                 let mut values = vec![0u8; elements];
                 let mut next = 0;
-                for (number, (range, band)) in bands.split(&mut values).into_iter().enumerate() {
+                for (number, band) in bands.split(&mut values).into_iter().enumerate() {
+                    let range = bands.range(number);
                     assert_eq!(range.start, next);
                     assert_eq!(range.len(), band.len());
-                    assert!(range.clone().all(|element| bands.of(element as u32) == number));
+                    assert!(range.clone().all(|element| bands.of(element) == (number, range.clone())));
+                    assert!(range.len() <= LONGEST);
                     next = range.end;
                 }
                 assert_eq!(next, elements);
-                assert!(bands.len() <= MOST);
             }
         }
     }

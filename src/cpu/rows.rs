@@ -12,23 +12,45 @@ pub(super) struct Chunk<F, const C: usize> {
     rows: Range<usize>,
     /// Where (band, row) begins: index `band · rows + row`; one more at the end.
     offsets: Vec<u32>,
-    elements: Vec<u32>,
+    /// Which element of its band.
+    elements: Vec<u16>,
     weights: Vec<Weight<F, C>>,
+}
+
+/// What a row visits in one band without interruption.
+struct Run {
+    /// Index of (band, row) in [`Chunk::offsets`].
+    index: usize,
+    visited: Range<usize>,
 }
 
 impl<F: Real, const C: usize> Chunk<F, C> {
     /// Walks the rows and sorts what they visit by band.
     pub(super) fn walk(traversal: &impl Traversal<f64, C>, rows: Range<usize>, bands: &Bands) -> Self {
         let count = rows.len();
-        let (mut visited, mut ends) = (Vec::<(u32, Weight<F, C>)>::new(), Vec::with_capacity(count));
-        let mut offsets = vec![0u32; bands.len() * count + 1];
+        let (mut elements, mut weights, mut runs) = (Vec::new(), Vec::new(), Vec::<Run>::new());
         for (local, row) in rows.clone().enumerate() {
+            let mut band = 0..0;
             traversal.walk(row, &mut |element, weight| {
-                let element = element as u32;
-                visited.push((element, weight.map(F::of)));
-                offsets[bands.of(element) * count + local + 1] += 1;
+                if !band.contains(&element) {
+                    let (number, range) = bands.of(element);
+                    close(&mut runs, elements.len());
+                    runs.push(Run { index: number * count + local, visited: elements.len()..usize::MAX });
+                    band = range;
+                }
+                elements.push((element - band.start) as u16);
+                weights.push(weight.map(F::of));
             });
-            ends.push(visited.len());
+            close(&mut runs, elements.len());
+        }
+        Self { rows, ..Self::sorted(&runs, &elements, &weights, bands.len() * count) }
+    }
+
+    /// Moves the runs to where their band and row belong; a ray meets a band once as a rule, so runs are long.
+    fn sorted(runs: &[Run], visited: &[u16], visited_weights: &[Weight<F, C>], places: usize) -> Self {
+        let mut offsets = vec![0u32; places + 1];
+        for run in runs {
+            offsets[run.index + 1] += run.visited.len() as u32;
         }
         for index in 1..offsets.len() {
             offsets[index] += offsets[index - 1];
@@ -36,21 +58,14 @@ impl<F: Real, const C: usize> Chunk<F, C> {
         let mut next = offsets.clone();
         let mut elements = vec![0; visited.len()];
         let mut weights = vec![[F::zero(); C]; visited.len()];
-        let mut begin = 0;
-        for (local, &end) in ends.iter().enumerate() {
-            for &(element, weight) in &visited[begin..end] {
-                let place = &mut next[bands.of(element) * count + local];
-                elements[*place as usize] = element;
-                weights[*place as usize] = weight;
-                *place += 1;
-            }
-            begin = end;
+        for Run { index, visited: run } in runs {
+            let start = next[*index] as usize;
+            let place = start..start + run.len();
+            elements[place.clone()].copy_from_slice(&visited[run.clone()]);
+            weights[place].copy_from_slice(&visited_weights[run.clone()]);
+            next[*index] += run.len() as u32;
         }
-        Self { rows, offsets, elements, weights }
-    }
-
-    pub(super) fn rows(&self) -> Range<usize> {
-        self.rows.clone()
+        Self { rows: 0..0, offsets, elements, weights }
     }
 
     pub(super) fn nonzeros(&self) -> usize {
@@ -62,54 +77,67 @@ impl<F: Real, const C: usize> Chunk<F, C> {
     }
 
     /// y ← T x for these rows; `y` holds them alone.
-    pub(super) fn gather(&self, x: &[[F; 3]], y: &mut [[F; 3]]) {
+    pub(super) fn gather(&self, bands: &Bands, x: &[[F; 3]], y: &mut [[F; 3]]) {
         let mut sums = [[0.0_f64; 3]; CHUNK];
-        for (index, pair) in self.offsets.windows(2).enumerate() {
-            let mut sum = [F::zero(); 3];
-            let stretch = pair[0] as usize..pair[1] as usize;
-            for (&element, weight) in self.elements[stretch.clone()].iter().zip(&self.weights[stretch]) {
-                let x = x[element as usize];
-                for c in 0..3 {
-                    sum[c] += channel(weight, c) * x[c];
+        for band in 0..bands.len() {
+            let x = &x[bands.range(band)];
+            for (local, (elements, weights)) in self.stretches(band).enumerate() {
+                let mut sum = [F::zero(); 3];
+                for (&element, weight) in elements.iter().zip(weights) {
+                    let x = x[usize::from(element)];
+                    for c in 0..3 {
+                        sum[c] += channel(weight, c) * x[c];
+                    }
                 }
-            }
-            let total = &mut sums[index % self.rows.len()];
-            for c in 0..3 {
-                total[c] += sum[c].wide();
+                for c in 0..3 {
+                    sums[local][c] += sum[c].wide();
+                }
             }
         }
         y.iter_mut().zip(sums).for_each(|(y, sum)| *y = sum.map(F::of));
     }
 
-    /// x ← x + Tᵀ y for one band: `x` holds the elements from `first` on, `y` all rows.
-    pub(super) fn scatter(&self, band: usize, y: &[[F; 3]], first: usize, x: &mut [[F; 3]]) {
-        let count = self.rows.len();
-        for (local, row) in self.rows.clone().enumerate() {
-            let index = band * count + local;
-            let stretch = self.offsets[index] as usize..self.offsets[index + 1] as usize;
-            let y = y[row];
-            for (&element, weight) in self.elements[stretch.clone()].iter().zip(&self.weights[stretch]) {
-                let x = &mut x[element as usize - first];
+    /// x ← x + Tᵀ y for one band: `x` holds its elements, `y` all rows.
+    pub(super) fn scatter(&self, band: usize, y: &[[F; 3]], x: &mut [[F; 3]]) {
+        self.send(band, y, x, |weight| weight);
+    }
+
+    /// x ← x + diag(Tᵀ diag(y) T) for one band.
+    pub(super) fn squares(&self, band: usize, y: &[[F; 3]], x: &mut [[F; 3]]) {
+        self.send(band, y, x, |weight| weight.map(|value| value * value));
+    }
+
+    #[inline(always)]
+    fn send(
+        &self,
+        band: usize,
+        y: &[[F; 3]],
+        x: &mut [[F; 3]],
+        weigh: impl Fn(Weight<F, C>) -> Weight<F, C>,
+    ) {
+        for ((elements, weights), y) in self.stretches(band).zip(&y[self.rows.clone()]) {
+            for (&element, &weight) in elements.iter().zip(weights) {
+                let (x, weight) = (&mut x[usize::from(element)], weigh(weight));
                 for c in 0..3 {
-                    x[c] += channel(weight, c) * y[c];
+                    x[c] += channel(&weight, c) * y[c];
                 }
             }
         }
     }
 
-    /// x ← x + diag(Tᵀ diag(y) T) for one band.
-    pub(super) fn squares(&self, band: usize, y: &[[F; 3]], first: usize, x: &mut [[F; 3]]) {
+    /// The non-zeros of each row in a band.
+    #[inline(always)]
+    fn stretches(&self, band: usize) -> impl Iterator<Item = (&[u16], &[Weight<F, C>])> {
         let count = self.rows.len();
-        for (local, row) in self.rows.clone().enumerate() {
-            let index = band * count + local;
-            let stretch = self.offsets[index] as usize..self.offsets[index + 1] as usize;
-            let y = y[row];
-            for (&element, weight) in self.elements[stretch.clone()].iter().zip(&self.weights[stretch]) {
-                let x = &mut x[element as usize - first];
-                for c in 0..3 {
-                    x[c] += channel(weight, c) * channel(weight, c) * y[c];
-                }
-            }
-        }
+        self.offsets[band * count..=(band + 1) * count].windows(2).map(|pair| {
+            let stretch = pair[0] as usize..pair[1] as usize;
+            (&self.elements[stretch.clone()], &self.weights[stretch])
+        })
+    }
+}
+
+fn close(runs: &mut [Run], end: usize) {
+    if let Some(run) = runs.last_mut().filter(|run| run.visited.end == usize::MAX) {
+        run.visited.end = end;
     }
 }

@@ -48,7 +48,8 @@ impl WalkPlan {
         let bands = Bands::balanced(elements, &visits);
         let per_row = visits.iter().sum::<u64>() as f64 / sampled.len().max(1) as f64;
         let nonzeros = (per_row * rows as f64).ceil();
-        let bytes = nonzeros * size_of::<(u32, [F; C])>() as f64 + (rows * bands.len() * 4) as f64;
+        let bytes =
+            nonzeros * (size_of::<u16>() + size_of::<[F; C]>()) as f64 + (rows * bands.len() * 4) as f64;
         Self { bands, nonzeros: nonzeros as u64, bytes: bytes as u64 }
     }
 }
@@ -134,7 +135,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     pub fn squares(&self, y: &CpuVector<F>) -> Result<CpuVector<F>> {
         expect_len("the weights", y, self.traversal.rows())?;
         let mut x = self.domain();
-        self.scatter_with(&mut x, |chunk, band, first, x| chunk.squares(band, &y.0, first, x));
+        self.scatter_with(&mut x, |chunk, band, x| chunk.squares(band, &y.0, x));
         Ok(x)
     }
 
@@ -150,12 +151,12 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     fn scatter_with(
         &self,
         x: &mut CpuVector<F>,
-        scatter: impl Fn(&Chunk<F, C>, usize, usize, &mut [[F; 3]]) + Sync,
+        scatter: impl Fn(&Chunk<F, C>, usize, &mut [[F; 3]]) + Sync,
     ) {
         x.fill([0.0; 3]);
         let add = |chunks: &[Chunk<F, C>], x: &mut CpuVector<F>| {
-            self.bands.split(&mut x.0).into_par_iter().enumerate().for_each(|(band, (range, x))| {
-                chunks.iter().for_each(|chunk| scatter(chunk, band, range.start, x));
+            self.bands.split(&mut x.0).into_par_iter().enumerate().for_each(|(band, x)| {
+                chunks.iter().for_each(|chunk| scatter(chunk, band, x));
             });
         };
         add(&self.kept, x);
@@ -182,7 +183,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
         expect_len("x", x, self.traversal.elements())?;
         expect_len("y", y, self.traversal.rows())?;
         let (kept, walked) = y.0.split_at_mut(self.first_walked);
-        kept.par_chunks_mut(CHUNK).zip(&self.kept).for_each(|(y, chunk)| chunk.gather(&x.0, y));
+        kept.par_chunks_mut(CHUNK).zip(&self.kept).for_each(|(y, chunk)| chunk.gather(&self.bands, &x.0, y));
         walked.par_chunks_mut(CHUNK).enumerate().for_each(|(index, y)| {
             let first = self.first_walked + index * CHUNK;
             y.iter_mut().enumerate().for_each(|(local, y)| *y = gather(&self.traversal, first + local, &x.0));
@@ -193,7 +194,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
     fn apply_adjoint(&self, y: &CpuVector<F>, x: &mut CpuVector<F>) -> Result<()> {
         expect_len("x", x, self.traversal.elements())?;
         expect_len("y", y, self.traversal.rows())?;
-        self.scatter_with(x, |chunk, band, first, x| chunk.scatter(band, &y.0, first, x));
+        self.scatter_with(x, |chunk, band, x| chunk.scatter(band, &y.0, x));
         Ok(())
     }
 }

@@ -5,19 +5,18 @@ use super::Real;
 /// `M₀ = ∫₀¹ s e^{−su} du = 1 − e^{−s}`: the part of the light that is extinguished over optical depth `s`.
 #[inline(always)]
 pub(super) fn extinguished<F: Real>(s: F) -> F {
-    if s >= F::of(1.0 / 16.0) {
-        return -(-s).exp_m1();
+    // Cells are thin as a rule; there a few terms are exact and much faster than the library.
+    if s < F::of(1.0 / 256.0) {
+        alternating::<F, 5>(s, &POWERS_0)
+    } else if s < F::of(1.0 / 16.0) {
+        alternating::<F, 9>(s, &POWERS_0)
+    } else {
+        -(-s).exp_m1()
     }
-    // A cell is thin as a rule, and nine terms are exact there and much faster than the library.
-    let mut sum = F::of(SERIES_0[8]);
-    for n in (0..8).rev() {
-        sum = F::of(SERIES_0[n]) - s * sum;
-    }
-    s * sum
 }
 
-/// `1 / (n + 1)!`.
-const SERIES_0: [f64; 9] = {
+/// `1 / (n + 1)!`: M₀ by powers of s.
+const POWERS_0: [f64; 9] = {
     let mut terms = [0.0; 9];
     let (mut n, mut factorial) = (0, 1.0);
     while n < terms.len() {
@@ -41,24 +40,28 @@ pub(super) fn moments<F: Real>(s: F) -> [F; 3] {
         let m1 = (m0 - s * left) / s;
         return [m0, m1, (m1 + m1 - s * left) / s];
     }
-    let m2 = if s < F::of(1.0 / 64.0) { series::<F, 6>(s) } else { series::<F, 13>(s) };
+    let m2 = if s < F::of(1.0 / 64.0) {
+        alternating::<F, 6>(s, &POWERS_2)
+    } else {
+        alternating::<F, 13>(s, &POWERS_2)
+    };
     let half = F::of(0.5);
     let m0 = (s + half * s * s * (F::one() + m2)) / (F::one() + s + half * s * s);
     [m0, half * s * (m2 + F::one() - m0), m2]
 }
 
-/// `M₂ = Σₙ (−1)ⁿ sⁿ⁺¹ / (n! (n + 3))`, the first `N` terms by Horner's rule.
+/// `Σₙ (−1)ⁿ aₙ sⁿ⁺¹`, the first `N` terms by Horner's rule.
 #[inline(always)]
-fn series<F: Real, const N: usize>(s: F) -> F {
-    let mut sum = F::of(SERIES[N - 1]);
+fn alternating<F: Real, const N: usize>(s: F, coefficients: &[f64]) -> F {
+    let mut sum = F::of(coefficients[N - 1]);
     for n in (0..N - 1).rev() {
-        sum = F::of(SERIES[n]) - s * sum;
+        sum = F::of(coefficients[n]) - s * sum;
     }
     s * sum
 }
 
-/// `1 / (n! (n + 3))`.
-const SERIES: [f64; 13] = {
+/// `1 / (n! (n + 3))`: M₂ by powers of s.
+const POWERS_2: [f64; 13] = {
     let mut terms = [0.0; 13];
     let (mut n, mut factorial) = (0, 1.0);
     while n < terms.len() {

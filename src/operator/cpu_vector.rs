@@ -7,6 +7,8 @@ use super::{Indexed, Scalars, Vector};
 
 /// Elements a task: sums are taken a piece at a time, so their order does not depend on the threads.
 const PIECE: usize = 8192;
+/// Numbers that are worked on side by side: four elements, so that channels keep their place.
+const LANES: usize = 12;
 
 /// Three channels an element, in the memory of the host.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -23,16 +25,36 @@ impl<F: Real> CpuVector<F> {
         Self(values.iter().map(|value| value.map(F::of)).collect())
     }
 
-    fn update(&mut self, other: &Self, update: impl Fn(&mut [F; 3], &[F; 3]) + Sync) {
+    /// Changes every number by its partner in `other` and the constants of its channel.
+    fn update<const N: usize>(
+        &mut self,
+        other: &Self,
+        constants: [Scalars; N],
+        change: impl Fn(&mut F, F, [F; N]) + Sync,
+    ) {
         debug_assert_eq!(self.0.len(), other.0.len());
-        self.0
-            .par_chunks_mut(PIECE)
-            .zip(other.0.par_chunks(PIECE))
-            .for_each(|(mine, theirs)| mine.iter_mut().zip(theirs).for_each(|(a, b)| update(a, b)));
+        let constants: [[F; N]; LANES] = std::array::from_fn(|lane| constants.map(|c| F::of(c[lane % 3])));
+        self.0.par_chunks_mut(PIECE).zip(other.0.par_chunks(PIECE)).for_each(|(mine, theirs)| {
+            let (mine, my_rest) = mine.as_flattened_mut().as_chunks_mut::<LANES>();
+            let (theirs, their_rest) = theirs.as_flattened().as_chunks::<LANES>();
+            for (mine, theirs) in mine.iter_mut().zip(theirs) {
+                for lane in 0..LANES {
+                    change(&mut mine[lane], theirs[lane], constants[lane]);
+                }
+            }
+            for (lane, (mine, theirs)) in my_rest.iter_mut().zip(their_rest).enumerate() {
+                change(mine, *theirs, constants[lane]);
+            }
+        });
     }
 
-    fn each(&mut self, update: impl Fn(&mut [F; 3]) + Sync) {
-        self.0.par_chunks_mut(PIECE).for_each(|piece| piece.iter_mut().for_each(&update));
+    fn each(&mut self, constants: Scalars, change: impl Fn(F, F) -> F + Sync) {
+        let constants = constants.map(F::of);
+        self.0.par_chunks_mut(PIECE).for_each(|piece| {
+            piece.iter_mut().for_each(|element| {
+                *element = std::array::from_fn(|c| change(element[c], constants[c]));
+            });
+        });
     }
 }
 
@@ -46,8 +68,7 @@ impl<F: Real> Vector for CpuVector<F> {
     }
 
     fn fill(&mut self, value: Scalars) {
-        let value = value.map(F::of);
-        self.each(|element| *element = value);
+        self.each(value, |_, value| value);
     }
 
     fn copy_from(&mut self, other: &Self) {
@@ -55,27 +76,28 @@ impl<F: Real> Vector for CpuVector<F> {
     }
 
     fn axpby(&mut self, alpha: Scalars, x: &Self, beta: Scalars) {
-        let (alpha, beta) = (alpha.map(F::of), beta.map(F::of));
-        self.update(x, |mine, x| {
-            for c in 0..3 {
-                let kept = if beta[c] == F::zero() { F::zero() } else { beta[c] * mine[c] };
-                mine[c] = alpha[c] * x[c] + kept;
-            }
-        });
+        if beta == [0.0; 3] {
+            self.update(x, [alpha], |mine, x, [alpha]| *mine = alpha * x);
+        } else if beta == [1.0; 3] {
+            self.update(x, [alpha], |mine, x, [alpha]| *mine += alpha * x);
+        } else {
+            self.update(x, [alpha, beta], |mine, x, [alpha, beta]| {
+                let kept = if beta == F::zero() { F::zero() } else { beta * *mine };
+                *mine = alpha * x + kept;
+            });
+        }
     }
 
     fn scale(&mut self, factor: Scalars) {
-        let factor = factor.map(F::of);
-        self.each(|element| *element = std::array::from_fn(|c| element[c] * factor[c]));
+        self.each(factor, |mine, factor| mine * factor);
     }
 
     fn multiply(&mut self, x: &Self) {
-        self.update(x, |mine, x| *mine = std::array::from_fn(|c| mine[c] * x[c]));
+        self.update(x, [], |mine, x, []| *mine = *mine * x);
     }
 
     fn clamp_below(&mut self, bound: Scalars) {
-        let bound = bound.map(F::of);
-        self.each(|element| *element = std::array::from_fn(|c| element[c].max(bound[c])));
+        self.each(bound, F::max);
     }
 
     fn dot(&self, other: &Self) -> Result<Scalars> {
@@ -84,13 +106,18 @@ impl<F: Real> Vector for CpuVector<F> {
             .par_chunks(PIECE)
             .zip(other.0.par_chunks(PIECE))
             .map(|(a, b)| {
-                let mut sum = [0.0; 3];
+                let (a, a_rest) = a.as_flattened().as_chunks::<LANES>();
+                let (b, b_rest) = b.as_flattened().as_chunks::<LANES>();
+                let mut lanes = [0.0; LANES];
                 for (a, b) in a.iter().zip(b) {
-                    for c in 0..3 {
-                        sum[c] += a[c].wide() * b[c].wide();
+                    for lane in 0..LANES {
+                        lanes[lane] += a[lane].wide() * b[lane].wide();
                     }
                 }
-                sum
+                for (lane, (a, b)) in a_rest.iter().zip(b_rest).enumerate() {
+                    lanes[lane] += a.wide() * b.wide();
+                }
+                std::array::from_fn(|c| (0..LANES / 3).map(|k| lanes[3 * k + c]).sum::<f64>())
             })
             .collect();
         Ok(pieces.iter().fold([0.0; 3], |sum, piece| std::array::from_fn(|c| sum[c] + piece[c])))
@@ -117,7 +144,7 @@ impl<F: Real> Indexed for CpuVector<F> {
     }
 
     fn place(&mut self, other: &Self, index: &[u32]) {
-        self.each(|element| *element = [F::zero(); 3]);
+        self.fill([0.0; 3]);
         index.iter().zip(&other.0).for_each(|(&i, element)| self.0[i as usize] = *element);
     }
 

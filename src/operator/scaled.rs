@@ -40,16 +40,17 @@ impl<T: LinearOperator> LinearOperator for Scaled<T> {
     }
 }
 
-/// The identity on vectors like its prototype.
+/// α on vectors like its prototype, with one α a channel.
 #[derive(Debug, Clone)]
 pub struct Identity<V> {
     prototype: V,
+    factor: Scalars,
 }
 
 impl<V: Vector> Identity<V> {
-    /// The identity on vectors shaped like `prototype`.
-    pub fn new(prototype: &V) -> Self {
-        Self { prototype: prototype.zeros_like() }
+    /// `factor` times the identity on vectors shaped like `prototype`.
+    pub fn scaled(prototype: &V, factor: Scalars) -> Self {
+        Self { prototype: prototype.zeros_like(), factor }
     }
 }
 
@@ -67,7 +68,7 @@ impl<V: Vector> LinearOperator for Identity<V> {
 
     fn apply(&self, x: &V, y: &mut V) -> Result<()> {
         super::expect_len("x", x, y.len())?;
-        y.copy_from(x);
+        y.axpby(self.factor, x, [0.0; 3]);
         Ok(())
     }
 

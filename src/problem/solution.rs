@@ -1,5 +1,5 @@
 use super::{LightMapOperator, LightMapProblem};
-use crate::operator::{CpuVector, Identity, LinearOperator, Restricted, Scaled, Stacked, Vector, Weighted};
+use crate::operator::{CpuVector, Identity, LinearOperator, Restricted, Stacked, Vector, Weighted};
 use crate::scene::{Rgb, SolveSettings, SolverName};
 use crate::solve::{Cgls, Control, History, LeastSquares, Limits, Method, Outcome, State, drive};
 use crate::{Error, Result};
@@ -47,7 +47,7 @@ pub fn solve(
     let mut start = weighted.domain();
     start.fill(problem.start.map(f64::from));
     let pull = [tikhonov.sqrt(); 3];
-    let regularized = Stacked::new(weighted, Scaled::new(Identity::new(&start), pull))?;
+    let regularized = Stacked::new(weighted, Identity::scaled(&start, pull))?;
     let rhs = {
         let mut targets = CpuVector(problem.targets.clone());
         for (target, pixel) in targets.0.iter_mut().zip(&problem.constraints) {

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use unscatter::cpu::{Transport, WalkPlan};
 use unscatter::march::{Traversal, Weight};
-use unscatter::operator::{CpuVector, Identity, LinearOperator, Scaled, Stacked, Vector};
+use unscatter::operator::{CpuVector, Identity, LinearOperator, Stacked, Vector};
 use unscatter::scene::Strategy;
 use unscatter::solve::{Cgls, Control, LeastSquares, Limits, Method, Outcome, StopReason, drive};
 
@@ -64,7 +64,7 @@ proptest! {
     ) {
         let (matrix, lambda) = (random_matrix(rows, columns, seed), f64::powi(2.0, exponent));
         let (operator, b) = (operator(&matrix), rhs(rows, seed));
-        let identity = Scaled::new(Identity::new(&operator.domain()), [lambda.sqrt(); 3]);
+        let identity = Identity::scaled(&operator.domain(), [lambda.sqrt(); 3]);
         let stacked = Stacked::new(&operator, identity).unwrap();
         let (method, outcome) = run(&stacked, &(b.clone(), operator.domain()), &limits(500, 1e-12));
         prop_assert_eq!(outcome.stop.reason, StopReason::Tolerance);
