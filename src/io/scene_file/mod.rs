@@ -1,1 +1,158 @@
-//! scene file
+//! Scene files: JSON that a person can write, and errors that say where it is wrong.
+//!
+//! A text becomes JSON values (`read`), overrides are put into them (`overrides`), they become a
+//! [`Document`], and the document becomes a [`Scene`]. Whatever goes wrong on the way is told with file, line,
+//! column and path (`source`).
+
+mod assets;
+mod channels;
+mod document;
+mod flaw;
+mod light;
+mod locate;
+mod map;
+mod medium;
+mod occluder;
+mod overrides;
+mod path;
+mod read;
+mod size;
+mod solve;
+mod source;
+#[cfg(test)]
+mod tests;
+mod transform;
+mod view;
+mod wording;
+mod write;
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::scene::Scene;
+use crate::{Error, Result};
+
+pub use channels::{Channels, Paint, Scale};
+pub use document::{Document, Target};
+pub use light::{GltfNode, Light};
+pub use map::{Basis, Extent, LightMap, MapSize, ShadowMap};
+pub use medium::Medium;
+pub use occluder::{BoxShape, CylinderShape, GltfMesh, ObjMesh, Occluder, PlaneShape, SphereShape};
+pub use size::{MemorySize, parse_size};
+pub use solve::{Quadrature, Solve, Solver, Strategy};
+pub use transform::{LookAt, Rotate, Transform};
+pub use view::{Camera, FovAxis, GltfCameraNode, Stroke, View};
+pub use write::write;
+
+use flaw::Flaw;
+use locate::Aim;
+use overrides::Override;
+use path::{DocumentPath, Segment};
+use read::Broken;
+use source::Source;
+use wording::About;
+
+/// Reads a scene file and everything that it names.
+///
+/// Each of `overrides` is `path=value`, such as `views[0].camera.fov=50`, and takes the place of what the file
+/// says; the value is JSON, or else a string.
+///
+/// Errors: [`Error::Scene`] for what is wrong in the file or in a file that it names, with its place;
+/// [`Error::File`] and [`Error::TooLarge`] when the scene file cannot be read or is larger than 64 MiB;
+/// [`Error::Value`] for an override that is not of that form.
+pub fn load(path: &Path, overrides: &[String]) -> Result<Scene> {
+    scene_from_bytes(&read::bytes(path)?, path, overrides)
+}
+
+/// The JSON schema of scene files (draft 2020-12).
+pub fn schema() -> Value {
+    let mut schema = schemars::schema_for!(Document);
+    schema.insert("title".to_owned(), Value::from("unscatter scene"));
+    schema.to_value()
+}
+
+fn scene_from_bytes(bytes: &[u8], file: &Path, overrides: &[String]) -> Result<Scene> {
+    let (text, invalid) = match std::str::from_utf8(bytes) {
+        Ok(text) => (text, None),
+        Err(error) => {
+            let (valid, _) = bytes.split_at(error.valid_up_to());
+            (std::str::from_utf8(valid).unwrap_or_default(), Some(error.valid_up_to()))
+        }
+    };
+    let mut source = Source { file, text, set: Vec::new() };
+    if let Some(offset) = invalid {
+        let problem = "the text is not UTF-8 from here on; save it as UTF-8".to_owned();
+        return Err(source.error_at_offset(offset, &DocumentPath::default(), problem));
+    }
+    let document = document(&mut source, overrides)?;
+    source.placed(document.build(file))
+}
+
+fn document(source: &mut Source<'_>, overrides: &[String]) -> Result<Document> {
+    let mut value = read::value(source.text).map_err(|broken| syntax_error(source, broken))?;
+    for text in overrides {
+        let change = Override::parse(text)?;
+        let path = change.path.clone();
+        source.set.push(path.clone());
+        change.apply(&mut value).map_err(|problem| source.error(&path, Aim::Value, problem, None))?;
+    }
+    // Before all else: a file of another version has other fields, and each would be called unknown.
+    source.placed(check_version(&value))?;
+    serde_path_to_error::deserialize(&value).map_err(|error| mismatch(source, &value, &error))
+}
+
+fn check_version(value: &Value) -> Result<(), Flaw> {
+    match value.get("version") {
+        Some(Value::Number(version)) if version.as_f64() != Some(Document::VERSION as f64) => {
+            Err(document::unknown_version(version))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn syntax_error(source: &Source<'_>, broken: Broken) -> Error {
+    match broken {
+        Broken::TooMany(error) => error,
+        Broken::Syntax { path, offset, problem } => source.error_at_offset(offset, &path, problem),
+        Broken::Duplicate(path) => {
+            let problem = "this key occurs twice in its object; remove one".to_owned();
+            source.error(&path, Aim::SecondKey, problem, None)
+        }
+    }
+}
+
+/// The error for JSON values that are not a [`Document`].
+fn mismatch(
+    source: &Source<'_>,
+    value: &Value,
+    error: &serde_path_to_error::Error<serde_json::Error>,
+) -> Error {
+    use serde_path_to_error::Segment as Step;
+    let steps = error.path().iter().filter_map(|step| match step {
+        Step::Seq { index } => Some(Segment::Index(*index)),
+        Step::Map { key } | Step::Enum { variant: key } => Some(Segment::Key(key.clone())),
+        Step::Unknown => None,
+    });
+    let mut path = DocumentPath(steps.collect());
+    let wording = wording::of(&error.inner().to_string());
+    let aim = match (wording.about, only_key(value, &path)) {
+        (About::Field, _) => Aim::Key,
+        (About::Variant, Some(key)) => {
+            path.0.push(Segment::Key(key));
+            Aim::Key
+        }
+        _ => Aim::Value,
+    };
+    source.error(&path, aim, wording.problem, wording.suggestion)
+}
+
+/// The key of the object at `path`, when it has exactly one.
+fn only_key(value: &Value, path: &DocumentPath) -> Option<String> {
+    let place = path.0.iter().try_fold(value, |place, segment| match segment {
+        Segment::Key(key) => place.get(key),
+        Segment::Index(index) => place.get(index),
+    });
+    let object = place?.as_object()?;
+    object.keys().next().filter(|_| object.len() == 1).cloned()
+}

@@ -1,0 +1,180 @@
+//! A scene file as it is written.
+
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::scene::{self, Geometry, Mesh, Scene};
+
+use super::assets::Assets;
+use super::channels::Channels;
+use super::flaw::{At, Built, Flaw, checked};
+use super::light::Light;
+use super::map::{LightMap, ShadowMap};
+use super::medium::Medium;
+use super::occluder::Occluder;
+use super::solve::Solve;
+use super::view::View;
+
+/// An unscatter scene. Lengths are in metres, angles in degrees, radiance is linear Rec. 709; cameras look along
+/// −Z with +Y up. File names are relative to the scene file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Document {
+    /// Where the schema is, for editors; ignored.
+    #[serde(rename = "$schema", default, skip_serializing_if = "Option::is_none")]
+    pub schema: Option<String>,
+    /// Version of this format: 1.
+    #[schemars(range(min = 1, max = 1))]
+    pub version: u64,
+    /// What the scene is called in titles and reports; the name of the file when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// The sun.
+    pub light: Light,
+    /// The air.
+    pub medium: Medium,
+    /// Radiance of the sky behind everything, and the light that surfaces get from everywhere.
+    #[serde(default = "default_ambient")]
+    pub ambient: Channels,
+    /// What casts shadows and what the views see; nothing for open air.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub occluders: Vec<Occluder>,
+    /// Cameras and what is painted on their pictures; at least one.
+    #[schemars(length(min = 1))]
+    pub views: Vec<View>,
+    /// The light map that is looked for.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub light_map: LightMap,
+    /// The shadow map of the light.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub shadow_map: ShadowMap,
+    /// What a painted colour asks for.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub target: Target,
+    /// Stops by which PNG pictures are brightened, from −64 to 64.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub exposure: f64,
+    /// How the problem is solved.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub solve: Solve,
+}
+
+/// What a painted colour asks for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Target {
+    /// The painted colour times the radiance that a white light map gives there.
+    #[default]
+    Tint,
+    /// The painted colour is the radiance of the scattered light itself.
+    Radiance,
+}
+
+impl Document {
+    /// The version of the format that this library reads and writes.
+    pub const VERSION: u64 = 1;
+
+    /// A document with everything at its default but what has none.
+    pub fn new(light: Light, medium: Medium, views: Vec<View>) -> Self {
+        Self {
+            schema: None,
+            version: Self::VERSION,
+            name: None,
+            light,
+            medium,
+            ambient: default_ambient(),
+            occluders: Vec::new(),
+            views,
+            light_map: LightMap::default(),
+            shadow_map: ShadowMap::default(),
+            target: Target::default(),
+            exposure: 0.0,
+            solve: Solve::default(),
+        }
+    }
+
+    /// The scene; `file` is where the document comes from and what file names in it are relative to.
+    pub(super) fn build(&self, file: &Path) -> Built<Scene> {
+        if self.version != Self::VERSION {
+            return Err(unknown_version(self.version));
+        }
+        let mut assets = Assets::beside(file);
+        // What is small is looked at before what may take long to read.
+        let medium = self.medium.build().at("medium")?;
+        let ambient = self.ambient.rgb("ambient", f32::MAX)?;
+        let light_map = self.light_map.build().at("light_map")?;
+        let shadow_map = self.shadow_map.build().at("shadow_map")?;
+        let exposure = checked("exposure", self.exposure, "from -64 to 64 stops", |e| e.abs() <= 64.0)?;
+        let solve = self.solve.build(self.light_map.basis.into()).at("solve")?;
+        let light = self.light.build(&mut assets).at("light")?;
+        let views = self.build_views(&mut assets)?;
+        let geometry = self.build_geometry(&mut assets)?;
+        Ok(Scene {
+            name: self.name.clone().unwrap_or_else(|| stem(file)),
+            light,
+            medium,
+            geometry,
+            ambient,
+            views,
+            light_map,
+            shadow_map,
+            target: self.target.into(),
+            solve,
+            exposure,
+        })
+    }
+
+    fn build_views(&self, assets: &mut Assets) -> Built<Vec<scene::View>> {
+        if self.views.is_empty() {
+            return Err(Flaw::new("views", "there is no view; add one with a `name` and a `camera`"));
+        }
+        let mut names = std::collections::HashMap::new();
+        for (i, view) in self.views.iter().enumerate() {
+            if let Some(first) = names.insert(view.name.to_ascii_lowercase(), i) {
+                let value = format!("`{}`", view.name);
+                let expected = format!(
+                    "different from the name of views[{first}], for it names files (case is ignored)"
+                );
+                return Err(Flaw::value(format!("views[{i}].name"), value, &expected));
+            }
+        }
+        let views = self.views.iter().enumerate();
+        views.map(|(i, view)| view.build(assets).at(&format!("views[{i}]"))).collect()
+    }
+
+    fn build_geometry(&self, assets: &mut Assets) -> Built<Geometry> {
+        let mut mesh = Mesh::default();
+        for (i, occluder) in self.occluders.iter().enumerate() {
+            occluder.add_to(&mut mesh, assets).at(&format!("occluders[{i}]"))?;
+        }
+        Geometry::new(mesh).at("occluders")
+    }
+}
+
+/// A flaw that says which version this library reads.
+pub(super) fn unknown_version(version: impl ToString) -> Flaw {
+    Flaw::value("version", version, "1, the version of the format that this program reads")
+}
+
+impl From<Target> for scene::Target {
+    fn from(target: Target) -> Self {
+        match target {
+            Target::Tint => Self::Tint,
+            Target::Radiance => Self::Radiance,
+        }
+    }
+}
+
+fn stem(file: &Path) -> String {
+    file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+fn default_ambient() -> Channels {
+    Channels::Grey(0.02)
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}

@@ -1,0 +1,284 @@
+//! What casts shadows.
+
+use glam::{DAffine3, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::scene::{Mesh, Primitive};
+
+use super::assets::Assets;
+use super::channels::Channels;
+use super::flaw::{At, Built, Flaw};
+use super::light::GltfNode;
+use super::transform::{FARTHEST, Transform};
+
+/// Something that casts shadows and that the views see: a built-in shape or the triangles of a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Occluder {
+    /// A box along the axes.
+    Box(BoxShape),
+    /// A rectangle or parallelogram.
+    Plane(PlaneShape),
+    /// A sphere.
+    Sphere(SphereShape),
+    /// A cylinder with closed ends.
+    Cylinder(CylinderShape),
+    /// A node of a glTF file with everything below it, or the whole file.
+    Gltf(GltfMesh),
+    /// A Wavefront OBJ file.
+    Obj(ObjMesh),
+}
+
+/// A box along the axes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BoxShape {
+    /// Its middle, in metres.
+    pub center: [f64; 3],
+    /// Full side lengths, in metres.
+    pub size: [f64; 3],
+    /// Diffuse reflectance from 0 to 1: one number or [r, g, b].
+    #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
+    pub albedo: Channels,
+    /// Moves the shape.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_world: Option<Transform>,
+}
+
+/// A parallelogram around its centre.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlaneShape {
+    /// Its middle, in metres.
+    pub center: [f64; 3],
+    /// Its two sides as vectors of their full lengths, in metres.
+    pub sides: [[f64; 3]; 2],
+    /// Diffuse reflectance from 0 to 1: one number or [r, g, b].
+    #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
+    pub albedo: Channels,
+    /// Moves the shape.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_world: Option<Transform>,
+}
+
+/// A sphere.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SphereShape {
+    /// Its middle, in metres.
+    pub center: [f64; 3],
+    /// Its radius, in metres.
+    pub radius: f64,
+    /// Diffuse reflectance from 0 to 1: one number or [r, g, b].
+    #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
+    pub albedo: Channels,
+    /// Moves the shape.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_world: Option<Transform>,
+}
+
+/// A cylinder with closed ends.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CylinderShape {
+    /// The middle of one end, in metres.
+    pub from: [f64; 3],
+    /// The middle of the other end, in metres.
+    pub to: [f64; 3],
+    /// Its radius, in metres.
+    pub radius: f64,
+    /// Diffuse reflectance from 0 to 1: one number or [r, g, b].
+    #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
+    pub albedo: Channels,
+    /// Moves the shape.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_world: Option<Transform>,
+}
+
+/// Triangles of a glTF file, with their materials.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GltfMesh {
+    /// The .gltf or .glb file, relative to the scene file.
+    pub file: String,
+    /// Name of the node to take, with everything below it; the whole file when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub node: Option<String>,
+    /// Moves the triangles from where the file puts them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_world: Option<Transform>,
+}
+
+/// Triangles of a Wavefront OBJ file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ObjMesh {
+    /// The .obj file, relative to the scene file.
+    pub file: String,
+    /// Moves the triangles from where the file puts them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_world: Option<Transform>,
+}
+
+impl Occluder {
+    /// Adds its triangles to `mesh`.
+    pub(super) fn add_to(&self, mesh: &mut Mesh, assets: &mut Assets) -> Built<()> {
+        let (key, to_world) = self.place();
+        let part = self.triangles(assets).at(key)?;
+        let world_from_part = match to_world {
+            Some(transform) => transform.build().at("to_world").at(key)?,
+            None => DAffine3::IDENTITY,
+        };
+        append(mesh, part, world_from_part).at(key)
+    }
+
+    fn place(&self) -> (&'static str, Option<&Transform>) {
+        match self {
+            Self::Box(shape) => ("box", shape.to_world.as_ref()),
+            Self::Plane(shape) => ("plane", shape.to_world.as_ref()),
+            Self::Sphere(shape) => ("sphere", shape.to_world.as_ref()),
+            Self::Cylinder(shape) => ("cylinder", shape.to_world.as_ref()),
+            Self::Gltf(file) => ("gltf", file.to_world.as_ref()),
+            Self::Obj(file) => ("obj", file.to_world.as_ref()),
+        }
+    }
+
+    fn triangles(&self, assets: &mut Assets) -> Built<Mesh> {
+        let (primitive, albedo) = match self {
+            Self::Box(shape) => (shape.primitive()?, shape.albedo),
+            Self::Plane(shape) => (shape.primitive()?, shape.albedo),
+            Self::Sphere(shape) => (shape.primitive()?, shape.albedo),
+            Self::Cylinder(shape) => (shape.primitive()?, shape.albedo),
+            Self::Gltf(GltfMesh { file, node, .. }) => {
+                return Ok(assets.gltf_mesh(&GltfNode { file: file.clone(), node: node.clone() })?);
+            }
+            Self::Obj(obj) => return assets.obj_mesh(&obj.file).at("file"),
+        };
+        Ok(primitive.mesh(albedo.rgb("albedo", 1.0)?)?)
+    }
+}
+
+impl BoxShape {
+    fn primitive(&self) -> Built<Primitive> {
+        let size = point("size", self.size)?;
+        if size.min_element() <= 0.0 {
+            return Err(Flaw::value("size", format!("{:?}", self.size), "three lengths above 0"));
+        }
+        Ok(Primitive::Box { centre: point("center", self.center)?, size })
+    }
+}
+
+impl PlaneShape {
+    fn primitive(&self) -> Built<Primitive> {
+        let sides = [point("sides[0]", self.sides[0])?, point("sides[1]", self.sides[1])?];
+        let area = sides[0].cross(sides[1]).length();
+        if area > 1e-9 * sides[0].length() * sides[1].length() {
+            return Ok(Primitive::Plane { centre: point("center", self.center)?, sides });
+        }
+        Err(Flaw::value("sides", format!("{:?}", self.sides), "two sides that span an area"))
+    }
+}
+
+impl SphereShape {
+    fn primitive(&self) -> Built<Primitive> {
+        Ok(Primitive::Sphere { centre: point("center", self.center)?, radius: radius(self.radius)? })
+    }
+}
+
+impl CylinderShape {
+    fn primitive(&self) -> Built<Primitive> {
+        let (from, to) = (point("from", self.from)?, point("to", self.to)?);
+        if from == to {
+            return Err(Flaw::value("to", format!("{:?}", self.to), "another point than `from`"));
+        }
+        Ok(Primitive::Cylinder { from, to, radius: radius(self.radius)? })
+    }
+}
+
+fn point(path: &str, coordinates: [f64; 3]) -> Built<DVec3> {
+    let point = DVec3::from_array(coordinates);
+    if is_near(point) {
+        return Ok(point);
+    }
+    Err(Flaw::value(path, format!("{coordinates:?}"), "finite and within 1e9 metres"))
+}
+
+fn radius(radius: f64) -> Built<f64> {
+    super::flaw::checked("radius", radius, "above 0 and at most 1e9 metres", |r| r > 0.0 && r <= FARTHEST)
+}
+
+fn is_near(point: DVec3) -> bool {
+    point.is_finite() && point.abs().max_element() <= FARTHEST
+}
+
+/// Adds `part` when the indices of the whole still fit and it ends up where numbers are precise.
+fn append(mesh: &mut Mesh, part: Mesh, world_from_part: DAffine3) -> Built<()> {
+    let vertices = mesh.positions.len().saturating_add(part.positions.len());
+    let materials = mesh.materials.len().saturating_add(part.materials.len());
+    if u32::try_from(vertices).is_err() || u32::try_from(materials).is_err() {
+        return Err(Flaw::new(
+            "",
+            "the scene has more than 4294967295 vertices; leave out or simplify occluders",
+        ));
+    }
+    let first = mesh.positions.len();
+    mesh.append(part, world_from_part);
+    match mesh.positions[first..].iter().find(|&&position| !is_near(position)) {
+        None => Ok(()),
+        Some(far) => Err(Flaw::value("", format!("a vertex at {far}"), "finite and within 1e9 metres")),
+    }
+}
+
+fn default_albedo() -> Channels {
+    Channels::Grey(0.5)
+}
+
+fn is_default_albedo(albedo: &Channels) -> bool {
+    *albedo == default_albedo()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn flaw_of(text: &str) -> String {
+        let occluder: Occluder = serde_json::from_str(text).unwrap();
+        let mut assets = Assets::beside("scene.json".as_ref());
+        match occluder.add_to(&mut Mesh::default(), &mut assets) {
+            Err(Flaw::Document { path, .. }) => path,
+            other => format!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn shapes_without_substance_are_refused_at_their_fault() {
+        let table = [
+            (r#"{"box": {"center": [0,0,0], "size": [1,0,1]}}"#, "box.size"),
+            (r#"{"box": {"center": [0,1e300,0], "size": [1,1,1]}}"#, "box.center"),
+            (r#"{"box": {"center": [0,0,0], "size": [1,1,1], "albedo": 1.1}}"#, "box.albedo"),
+            (
+                r#"{"box": {"center": [0,0,0], "size": [1,1,1], "to_world": {"scale": 0}}}"#,
+                "box.to_world.scale",
+            ),
+            (r#"{"plane": {"center": [0,0,0], "sides": [[1,0,0],[2,0,0]]}}"#, "plane.sides"),
+            (r#"{"plane": {"center": [0,0,0], "sides": [[1,0,0],[0,1e10,0]]}}"#, "plane.sides[1]"),
+            (r#"{"sphere": {"center": [0,0,0], "radius": -1}}"#, "sphere.radius"),
+            (r#"{"cylinder": {"from": [1,1,1], "to": [1,1,1], "radius": 1}}"#, "cylinder.to"),
+            (r#"{"obj": {"file": ""}}"#, "obj.file"),
+        ];
+        for (text, path) in table {
+            assert_eq!(flaw_of(text), path, "{text}");
+        }
+        assert_eq!(flaw_of(r#"{"sphere": {"center": [0,0,0], "radius": 1}}"#), "Ok(())");
+    }
+
+    #[test]
+    fn what_ends_up_too_far_away_is_refused() {
+        let part = Mesh { positions: vec![DVec3::X * 1e6], ..Mesh::default() };
+        let stretch = DAffine3::from_scale(DVec3::splat(1e6));
+        assert!(append(&mut Mesh::default(), part.clone(), stretch).is_err());
+        assert!(append(&mut Mesh::default(), part, DAffine3::IDENTITY).is_ok());
+    }
+}

@@ -1,0 +1,364 @@
+//! Cameras and what is painted on their pictures.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::scene;
+
+use super::assets::Assets;
+use super::channels::Paint;
+use super::flaw::{At, Built, Flaw, checked};
+use super::transform::Transform;
+
+/// A camera and what is painted on its picture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct View {
+    /// Names the result files of the view: letters, digits, `_` and `-`; unique also when case is ignored.
+    pub name: String,
+    /// Where it looks from, and the size of its picture.
+    pub camera: Camera,
+    /// Painted strokes, in painting order, over the layers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub strokes: Vec<Stroke>,
+    /// Painted pictures of the view's size (PNG or EXR, alpha is the weight), from the bottom up, relative to the
+    /// scene file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub layers: Vec<String>,
+}
+
+/// A pinhole camera: either `to_world` and `fov`, or a camera of a glTF file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    /// Where it stands; looks along its −Z axis, +Y up. Scale is ignored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_world: Option<Transform>,
+    /// Field of view in degrees, inside (0, 180).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fov: Option<f64>,
+    /// Which side of the picture `fov` is measured along; the height when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fov_axis: Option<FovAxis>,
+    /// Takes place and field of view from a camera of a glTF file, instead of `to_world` and `fov`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gltf: Option<GltfCameraNode>,
+    /// Width and height of the picture in pixels, each from 1 to 16384.
+    pub size: [usize; 2],
+}
+
+/// A camera of a glTF file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GltfCameraNode {
+    /// The .gltf or .glb file, relative to the scene file.
+    pub file: String,
+    /// Name of the node that holds the camera.
+    pub node: String,
+}
+
+/// A side of a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum FovAxis {
+    /// The width.
+    X,
+    /// The height.
+    Y,
+}
+
+/// A painted stroke: a polyline with round caps and joins.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stroke {
+    /// Points [x, y] in pixels, (0, 0) is the top left corner of the picture; one point is a dab.
+    pub points: Vec<[f64; 2]>,
+    /// Half the width in pixels, above 0 and at most 4096.
+    pub radius: f64,
+    /// From 0 (the weight falls off linearly from the middle to the edge) to 1 (a hard edge).
+    #[serde(default = "Stroke::default_hardness", skip_serializing_if = "Stroke::is_default_hardness")]
+    pub hardness: f64,
+    /// Weight of the constraint in the middle of the stroke, above 0 and at most 1.
+    #[serde(default = "Stroke::default_opacity", skip_serializing_if = "Stroke::is_default_opacity")]
+    pub opacity: f64,
+    /// The desired colour: "#rrggbb" in sRGB, or [r, g, b] in linear Rec. 709.
+    pub color: Paint,
+}
+
+const MAX_NAME: usize = 64;
+const MAX_POINTS: usize = 100_000;
+const MAX_RADIUS: f64 = 4096.0;
+
+/// Farther away from the picture no point of a stroke can matter, and pixels are no longer told apart in f32.
+const MAX_COORDINATE: f64 = 1e6;
+
+/// Names that some system keeps for its devices.
+const DEVICES: [&str; 6] = ["con", "prn", "aux", "nul", "com", "lpt"];
+
+impl View {
+    pub(super) fn build(&self, assets: &mut Assets) -> Built<scene::View> {
+        check_name(&self.name)?;
+        let camera = self.camera.build(assets).at("camera")?;
+        let size = camera.size();
+        let strokes = self.strokes.iter().enumerate();
+        let strokes = strokes.map(|(i, stroke)| stroke.build(size).at(&format!("strokes[{i}]")));
+        let strokes = strokes.collect::<Built<Vec<_>>>()?;
+        let layers = self.layers.iter().enumerate();
+        let layers = layers.map(|(i, file)| layer(file, size, assets).at(&format!("layers[{i}]")));
+        Ok(scene::View { name: self.name.clone(), camera, strokes, layers: layers.collect::<Built<_>>()? })
+    }
+}
+
+fn check_name(name: &str) -> Built<()> {
+    let usual = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || b == b'-';
+    if name.is_empty() || name.len() > MAX_NAME || !name.bytes().all(usual) {
+        let expected = "1 to 64 of the letters A-Z and a-z, digits, `_` and `-`, for it names files";
+        return Err(Flaw::value("name", format!("`{name}`"), expected));
+    }
+    let lower = name.to_ascii_lowercase();
+    let device = lower.strip_suffix(|c: char| c.is_ascii_digit()).unwrap_or(&lower);
+    if DEVICES.contains(&device) {
+        return Err(Flaw::value(
+            "name",
+            format!("`{name}`"),
+            "another name; Windows keeps this one for a device",
+        ));
+    }
+    Ok(())
+}
+
+fn layer(file: &str, size: [usize; 2], assets: &Assets) -> Built<scene::RgbaImage> {
+    same_size(assets.layer(file)?, size)
+}
+
+fn same_size(layer: scene::RgbaImage, [width, height]: [usize; 2]) -> Built<scene::RgbaImage> {
+    let [w, h] = layer.size();
+    if [w, h] == [width, height] {
+        return Ok(layer);
+    }
+    Err(Flaw::new(
+        "",
+        format!("the layer has {w} x {h} pixels and its view {width} x {height}; they must be the same"),
+    ))
+}
+
+impl Camera {
+    /// A camera at `to_world` with `fov` degrees along the height of its picture.
+    pub fn new(to_world: Transform, fov: f64, size: [usize; 2]) -> Self {
+        Self { to_world: Some(to_world), fov: Some(fov), fov_axis: None, gltf: None, size }
+    }
+
+    fn build(&self, assets: &mut Assets) -> Built<scene::Camera> {
+        if let Some(gltf) = &self.gltf {
+            if self.to_world.is_some() || self.fov.is_some() || self.fov_axis.is_some() {
+                return Err(Flaw::new("gltf", "give either `gltf`, or `to_world`, `fov` and `fov_axis`"));
+            }
+            let camera = assets.camera(&gltf.file, &gltf.node).at("gltf")?;
+            return Ok(scene::Camera::new(camera.world_from_camera, camera.fov, camera.fov_axis, self.size)?);
+        }
+        let to_world = self.to_world.as_ref().ok_or_else(|| missing("to_world"))?.build().at("to_world")?;
+        let fov = self.fov.ok_or_else(|| missing("fov"))?;
+        let fov_axis = match self.fov_axis {
+            Some(FovAxis::X) => scene::FovAxis::X,
+            Some(FovAxis::Y) | None => scene::FovAxis::Y,
+        };
+        Ok(scene::Camera::new(to_world, fov, fov_axis, self.size)?)
+    }
+}
+
+fn missing(field: &str) -> Flaw {
+    Flaw::new("", format!("missing field `{field}`; a camera needs `to_world` and `fov`, or `gltf`"))
+}
+
+impl Stroke {
+    /// A stroke of the default hardness and opacity.
+    pub fn new(points: Vec<[f64; 2]>, radius: f64, color: Paint) -> Self {
+        Self { points, radius, hardness: Self::default_hardness(), opacity: Self::default_opacity(), color }
+    }
+
+    fn build(&self, size: [usize; 2]) -> Built<scene::Stroke> {
+        let radius = checked("radius", self.radius, "above 0 and at most 4096 pixels", |r| {
+            r > 0.0 && r <= MAX_RADIUS
+        })?;
+        let hardness =
+            checked("hardness", self.hardness, "from 0 (soft) to 1 (hard)", |h| (0.0..=1.0).contains(&h))?;
+        let opacity = checked("opacity", self.opacity, "above 0 and at most 1", |o| o > 0.0 && o <= 1.0)?;
+        self.check_points()?;
+        let color = self.color.rgb("color")?;
+        if !touches(&self.points, radius, size.map(|side| side as f64)) {
+            let [width, height] = size;
+            let problem =
+                format!("the stroke lies outside the view, whose picture has {width} x {height} pixels");
+            return Err(Flaw::new("", problem));
+        }
+        let points = self.points.iter().map(|point| point.map(|c| c as f32)).collect();
+        Ok(scene::Stroke {
+            points,
+            radius: radius as f32,
+            hardness: hardness as f32,
+            opacity: opacity as f32,
+            color,
+        })
+    }
+
+    fn check_points(&self) -> Built<()> {
+        if self.points.is_empty() || self.points.len() > MAX_POINTS {
+            return Err(Flaw::value(
+                "points",
+                format!("a list of {} points", self.points.len()),
+                "a list of 1 to 100000 points",
+            ));
+        }
+        let near = |c: f64| c.is_finite() && c.abs() <= MAX_COORDINATE;
+        match self.points.iter().position(|point| !point.iter().all(|&c| near(c))) {
+            None => Ok(()),
+            Some(index) => Err(Flaw::value(
+                format!("points[{index}]"),
+                format!("{:?}", self.points[index]),
+                "finite and within 1000000 pixels of the view",
+            )),
+        }
+    }
+
+    fn default_hardness() -> f64 {
+        0.8
+    }
+
+    fn is_default_hardness(hardness: &f64) -> bool {
+        *hardness == Self::default_hardness()
+    }
+
+    fn default_opacity() -> f64 {
+        1.0
+    }
+
+    fn is_default_opacity(opacity: &f64) -> bool {
+        *opacity == Self::default_opacity()
+    }
+}
+
+/// Whether any part of the stroke's area lies inside the picture.
+fn touches(points: &[[f64; 2]], radius: f64, size: [f64; 2]) -> bool {
+    let dab = points.first().map(|&point| [point, point]);
+    let segments = points.windows(2).map(|pair| [pair[0], pair[1]]);
+    dab.into_iter().chain(segments).any(|segment| distance_to_picture(segment, size) < radius)
+}
+
+/// The distance between a segment and the rectangle from (0, 0) to `size`.
+fn distance_to_picture([a, b]: [[f64; 2]; 2], size: [f64; 2]) -> f64 {
+    if crosses([a, b], size) {
+        return 0.0;
+    }
+    let outside = |p: [f64; 2]| length([0, 1].map(|axis| p[axis] - p[axis].clamp(0.0, size[axis])));
+    let corners = [[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], size];
+    let to_corners = corners.map(|corner| distance_to_segment(corner, [a, b]));
+    to_corners.into_iter().fold(outside(a).min(outside(b)), f64::min)
+}
+
+/// Liang–Barsky clipping: whether some part of the segment is inside.
+fn crosses([a, b]: [[f64; 2]; 2], size: [f64; 2]) -> bool {
+    let mut inside = [0.0f64, 1.0];
+    for axis in 0..2 {
+        let step = b[axis] - a[axis];
+        if step == 0.0 {
+            if a[axis] < 0.0 || a[axis] > size[axis] {
+                return false;
+            }
+            continue;
+        }
+        let (s, t) = (-a[axis] / step, (size[axis] - a[axis]) / step);
+        inside = [inside[0].max(s.min(t)), inside[1].min(s.max(t))];
+    }
+    inside[0] <= inside[1]
+}
+
+fn distance_to_segment(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
+    let (along, from) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+    let squared = along[0] * along[0] + along[1] * along[1];
+    let dot = along[0] * from[0] + along[1] * from[1];
+    let t = if squared > 0.0 { (dot / squared).clamp(0.0, 1.0) } else { 0.0 };
+    length([from[0] - t * along[0], from[1] - t * along[1]])
+}
+
+fn length([x, y]: [f64; 2]) -> f64 {
+    x.hypot(y)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    const SIZE: [f64; 2] = [100.0, 50.0];
+
+    #[test]
+    fn a_stroke_touches_where_its_area_overlaps_the_picture() {
+        assert!(touches(&[[50.0, 25.0]], 1.0, SIZE), "a dab inside");
+        assert!(touches(&[[-3.0, 10.0]], 3.5, SIZE), "a dab beside the edge");
+        assert!(!touches(&[[-3.0, 10.0]], 3.0, SIZE), "a dab that only meets the edge");
+        assert!(touches(&[[-50.0, 25.0], [200.0, 25.0]], 0.1, SIZE), "both ends are outside");
+        assert!(!touches(&[[-10.0, 5.0], [5.0, -10.0]], 3.5, SIZE), "passes the corner at 3.54");
+        assert!(touches(&[[-10.0, 5.0], [5.0, -10.0]], 3.6, SIZE));
+        assert!(!touches(&[[0.0, 60.0], [100.0, 70.0], [200.0, 25.0]], 5.0, SIZE));
+    }
+
+    #[test]
+    fn the_distance_agrees_with_dense_sampling() {
+        let points = [[-30.0, -20.0], [130.0, -7.0], [140.0, 80.0], [40.0, 53.0], [-5.0, 70.0], [20.0, 20.0]];
+        for a in points {
+            for b in points {
+                let sampled = (0..=4000).map(|i| {
+                    let t = f64::from(i) / 4000.0;
+                    let p = [0, 1].map(|axis| a[axis] + t * (b[axis] - a[axis]));
+                    length([0, 1].map(|axis| p[axis] - p[axis].clamp(0.0, SIZE[axis])))
+                });
+                let sampled = sampled.fold(f64::INFINITY, f64::min);
+                let got = distance_to_picture([a, b], SIZE);
+                assert!((got - sampled).abs() < 0.05, "{a:?} {b:?}: {got} and {sampled}");
+            }
+        }
+    }
+
+    #[test]
+    fn names_are_safe_as_file_names() {
+        for good in ["a", "left_eye-2", "0", "console", "a".repeat(64).as_str()] {
+            assert!(check_name(good).is_ok(), "{good}");
+        }
+        for bad in ["", "..", "a/b", "a b", "ä", "CON", "com1", "-\n", "a".repeat(65).as_str()] {
+            assert!(check_name(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_layer_of_another_size_is_refused_with_both_sizes() {
+        let layer = || scene::RgbaImage::transparent([4, 3]);
+        assert!(same_size(layer(), [4, 3]).is_ok());
+        let Err(Flaw::Document { problem, .. }) = same_size(layer(), [3, 4]) else { unreachable!() };
+        assert!(problem.contains("4 x 3") && problem.contains("3 x 4"), "{problem}");
+    }
+
+    #[test]
+    fn strokes_without_sense_are_refused_at_their_fault() {
+        let good = Stroke::new(vec![[1.0, 2.0]], 2.0, Paint::Hex([1, 2, 3]));
+        assert!(good.build([10, 10]).is_ok());
+        let bad = [
+            ("radius", Stroke { radius: 0.0, ..good.clone() }),
+            ("radius", Stroke { radius: 4097.0, ..good.clone() }),
+            ("radius", Stroke { radius: f64::NAN, ..good.clone() }),
+            ("hardness", Stroke { hardness: -0.1, ..good.clone() }),
+            ("opacity", Stroke { opacity: 0.0, ..good.clone() }),
+            ("opacity", Stroke { opacity: 1.1, ..good.clone() }),
+            ("color", Stroke { color: Paint::Linear([0.0, -1.0, 0.0]), ..good.clone() }),
+            ("points", Stroke { points: vec![], ..good.clone() }),
+            ("points", Stroke { points: vec![[1.0; 2]; MAX_POINTS + 1], ..good.clone() }),
+            ("points[1]", Stroke { points: vec![[1.0; 2], [1.0, f64::INFINITY]], ..good.clone() }),
+            ("", Stroke { points: vec![[-2.0, -2.0]], ..good.clone() }),
+        ];
+        for (expected, stroke) in bad {
+            let Err(Flaw::Document { path, .. }) = stroke.build([10, 10]) else {
+                unreachable!("{expected} was accepted")
+            };
+            assert_eq!(path, expected);
+        }
+    }
+}
