@@ -1,13 +1,10 @@
 //! The other files that a scene file names. Nothing else here knows how they are read.
 
-use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
-use crate::io::gltf::{GltfCamera, GltfScene};
-use crate::scene::{Mesh, Rgb, RgbaImage};
+use crate::scene::{FovAxis, Mesh, Rgb, RgbaImage};
 use crate::{Error, Result};
 
 use super::light::GltfNode;
@@ -16,50 +13,45 @@ use super::light::GltfNode;
 #[derive(Debug)]
 pub(super) struct Assets {
     folder: PathBuf,
-    /// glTF files read so far: a scene takes its geometry, its sun and its cameras from one.
-    gltf: HashMap<PathBuf, GltfScene>,
+}
+
+/// A camera of a glTF file.
+#[derive(Debug)]
+pub(super) struct AssetCamera {
+    pub(super) world_from_camera: DAffine3,
+    pub(super) fov: f64,
+    pub(super) fov_axis: FovAxis,
 }
 
 impl Assets {
     /// Files beside `scene_file`.
     pub(super) fn beside(scene_file: &Path) -> Self {
-        Self { folder: scene_file.parent().map(Path::to_owned).unwrap_or_default(), gltf: HashMap::new() }
+        Self { folder: scene_file.parent().map(Path::to_owned).unwrap_or_default() }
     }
 
     /// Direction and colour of a glTF sun.
     pub(super) fn sun(&mut self, gltf: &GltfNode) -> Result<(DVec3, Rgb)> {
-        self.gltf(&gltf.file)?.sun(gltf.node.as_deref())
+        self.unread(&gltf.file)
     }
 
     /// A glTF camera.
-    pub(super) fn camera(&mut self, file: &str, node: &str) -> Result<GltfCamera> {
-        self.gltf(file)?.camera(node)
+    pub(super) fn camera(&mut self, file: &str, _node: &str) -> Result<AssetCamera> {
+        self.unread(file)
     }
 
     /// Triangles of a glTF node and everything below it.
     pub(super) fn gltf_mesh(&mut self, gltf: &GltfNode) -> Result<Mesh> {
-        self.gltf(&gltf.file)?.mesh(gltf.node.as_deref())
+        self.unread(&gltf.file)
     }
 
     /// Triangles of an OBJ file.
     pub(super) fn obj_mesh(&self, file: &str) -> Result<Mesh> {
-        crate::io::obj::load(&self.path(file)?)
+        self.unread(file)
     }
 
     /// A painted layer.
     pub(super) fn layer(&self, file: &str) -> Result<RgbaImage> {
-        crate::io::image::read_layer(&self.path(file)?)
-    }
-
-    fn gltf(&mut self, file: &str) -> Result<&GltfScene> {
-        let path = self.path(file)?;
-        match self.gltf.entry(path) {
-            Entry::Occupied(read) => Ok(read.into_mut()),
-            Entry::Vacant(unread) => {
-                let scene = GltfScene::load(unread.key())?;
-                Ok(unread.insert(scene))
-            }
-        }
+        self.unread(file)
     }
 
     fn path(&self, file: &str) -> Result<PathBuf> {
@@ -67,5 +59,10 @@ impl Assets {
             return Err(Error::value("", "an empty name", "a file, relative to the scene file"));
         }
         Ok(self.folder.join(file))
+    }
+
+    fn unread<T>(&self, file: &str) -> Result<T> {
+        let path = self.path(file)?;
+        Err(Error::Machine(format!("{} cannot be read by this build", path.display())))
     }
 }

@@ -173,10 +173,10 @@ impl PlaneShape {
     fn primitive(&self) -> Built<Primitive> {
         let sides = [point("sides[0]", self.sides[0])?, point("sides[1]", self.sides[1])?];
         let area = sides[0].cross(sides[1]).length();
-        if !(area > 1e-9 * sides[0].length() * sides[1].length()) {
-            return Err(Flaw::value("sides", format!("{:?}", self.sides), "two sides that span an area"));
+        if area > 1e-9 * sides[0].length() * sides[1].length() {
+            return Ok(Primitive::Plane { centre: point("center", self.center)?, sides });
         }
-        Ok(Primitive::Plane { centre: point("center", self.center)?, sides })
+        Err(Flaw::value("sides", format!("{:?}", self.sides), "two sides that span an area"))
     }
 }
 

@@ -27,11 +27,11 @@ impl DocumentPath {
         let mut segments = Vec::new();
         for part in text.split('.') {
             let (key, mut indices) = part.split_at(part.find('[').unwrap_or(part.len()));
-            if key.is_empty() && !(segments.is_empty() && !indices.is_empty()) {
-                return None;
-            }
+            // Only at the very start may an index stand without a key before it.
             if !key.is_empty() {
                 segments.push(Segment::Key(key.to_owned()));
+            } else if indices.is_empty() || !segments.is_empty() {
+                return None;
             }
             while let Some(rest) = indices.strip_prefix('[') {
                 let (index, rest) = rest.split_once(']')?;

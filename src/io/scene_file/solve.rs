@@ -10,8 +10,7 @@ use crate::scene::{self, Regularization, SolveSettings};
 use super::flaw::{Built, Flaw, checked, within};
 use super::size::MemorySize;
 
-/// How the problem is discretized and solved. What is not given has the default of
-/// [`SolveSettings`].
+/// How the problem is discretized and solved. What is not given has the default of the library.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Solve {

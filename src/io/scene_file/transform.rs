@@ -65,7 +65,7 @@ impl Transform {
         match (&self.matrix, &self.look_at, parts) {
             (Some(rows), None, false) => from_rows(rows).at("matrix"),
             (None, Some(look_at), false) => look_at.build(),
-            (None, None, _) => self.from_parts(),
+            (None, None, _) => self.build_parts(),
             _ => Err(Flaw::new(
                 "",
                 "these do not go together; give either `matrix`, or `look_at`, or any of `scale`, `rotate` and \
@@ -74,7 +74,7 @@ impl Transform {
         }
     }
 
-    fn from_parts(&self) -> Built<DAffine3> {
+    fn build_parts(&self) -> Built<DAffine3> {
         let scale = self.scale.map_or(DVec3::ONE, Scale::axes);
         let scale = invertible(DAffine3::from_scale(scale)).at("scale")?;
         let rotate = self.rotate.as_ref().map_or(Ok(DAffine3::IDENTITY), Rotate::build).at("rotate")?;
