@@ -1,57 +1,68 @@
 //! The other files that a scene file names. Nothing else here knows how they are read.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 
-use crate::scene::{FovAxis, Mesh, Rgb, RgbaImage};
+use crate::io::gltf::{GltfCamera, GltfScene};
+use crate::io::{image, obj};
+use crate::scene::{Mesh, Rgb, RgbaImage};
 use crate::{Error, Result};
 
 use super::light::GltfNode;
 
 /// Reads files relative to a scene file.
-#[derive(Debug)]
 pub(super) struct Assets {
     folder: PathBuf,
-}
-
-/// A camera of a glTF file.
-#[derive(Debug)]
-pub(super) struct AssetCamera {
-    pub(super) world_from_camera: DAffine3,
-    pub(super) fov: f64,
-    pub(super) fov_axis: FovAxis,
+    /// Each glTF file is read once: light, cameras and occluders often share one.
+    scenes: HashMap<PathBuf, GltfScene>,
 }
 
 impl Assets {
     /// Files beside `scene_file`.
     pub(super) fn beside(scene_file: &Path) -> Self {
-        Self { folder: scene_file.parent().map(Path::to_owned).unwrap_or_default() }
+        Self {
+            folder: scene_file.parent().map(Path::to_owned).unwrap_or_default(),
+            scenes: HashMap::new(),
+        }
     }
 
     /// Direction and colour of a glTF sun.
     pub(super) fn sun(&mut self, gltf: &GltfNode) -> Result<(DVec3, Rgb)> {
-        self.unread(&gltf.file)
+        self.scene(&gltf.file)?.sun(gltf.node.as_deref())
     }
 
     /// A glTF camera.
-    pub(super) fn camera(&mut self, file: &str, _node: &str) -> Result<AssetCamera> {
-        self.unread(file)
+    pub(super) fn camera(&mut self, file: &str, node: &str) -> Result<GltfCamera> {
+        self.scene(file)?.camera(node)
     }
 
     /// Triangles of a glTF node and everything below it.
     pub(super) fn gltf_mesh(&mut self, gltf: &GltfNode) -> Result<Mesh> {
-        self.unread(&gltf.file)
+        self.scene(&gltf.file)?.mesh(gltf.node.as_deref())
     }
 
     /// Triangles of an OBJ file.
     pub(super) fn obj_mesh(&self, file: &str) -> Result<Mesh> {
-        self.unread(file)
+        obj::load(&self.path(file)?)
     }
 
     /// A painted layer.
     pub(super) fn layer(&self, file: &str) -> Result<RgbaImage> {
-        self.unread(file)
+        image::read_layer(&self.path(file)?)
+    }
+
+    fn scene(&mut self, file: &str) -> Result<&GltfScene> {
+        use std::collections::hash_map::Entry;
+        let path = self.path(file)?;
+        match self.scenes.entry(path) {
+            Entry::Occupied(read) => Ok(read.into_mut()),
+            Entry::Vacant(unread) => {
+                let scene = GltfScene::load(unread.key())?;
+                Ok(unread.insert(scene))
+            }
+        }
     }
 
     fn path(&self, file: &str) -> Result<PathBuf> {
@@ -59,10 +70,5 @@ impl Assets {
             return Err(Error::value("", "an empty name", "a file, relative to the scene file"));
         }
         Ok(self.folder.join(file))
-    }
-
-    fn unread<T>(&self, file: &str) -> Result<T> {
-        let path = self.path(file)?;
-        Err(Error::Machine(format!("{} cannot be read by this build", path.display())))
     }
 }
