@@ -276,6 +276,23 @@ fn mip_maps_and_second_layers_do_not_disturb() {
     }
 }
 
+/// A block that names another place leaves its own open, though the number of blocks is right.
+#[test]
+fn a_picture_with_a_block_missing_is_refused() {
+    let folder = Folder::new();
+    let intact = mip_mapped();
+    // The table of the 12 blocks ends where the first block begins.
+    let table = 12 * 8;
+    let offset_at = |at: usize| u64::from_le_bytes(intact[at..at + 8].try_into().unwrap());
+    let first = (0..intact.len() - 8).find(|&at| offset_at(at) == (at + table) as u64).unwrap() + table;
+    for (tile, level, expected) in [(0_i32, 1_i32, "missing"), (1, 0, "twice")] {
+        let mut bytes = intact.clone();
+        bytes[first..first + 4].copy_from_slice(&tile.to_le_bytes());
+        bytes[first + 8..first + 16].copy_from_slice(&[level.to_le_bytes(); 2].concat());
+        assert!(reason(read_image(&folder.holding("a", &bytes))).contains(expected), "{expected}");
+    }
+}
+
 #[test]
 fn files_that_leave_it_open_which_picture_is_meant_are_refused() {
     let folder = Folder::new();
