@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use ::exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image as ExrImage, Layer};
 use ::exr::image::{Levels, write::WritableImage};
 use ::exr::math::Vec2;
-use ::exr::meta::attribute::{Compression, IntegerBounds, LineOrder};
+use ::exr::meta::attribute::{Compression, IntegerBounds, LineOrder, Preview};
 use ::exr::meta::header::{ImageAttributes, LayerAttributes};
 use ::exr::prelude::f16;
 use ::image::{DynamicImage, ImageBuffer, ImageFormat};
@@ -233,26 +233,22 @@ fn exr_files_of_other_programs_are_read() {
     assert_eq!(read_image(&grey).unwrap().pixels[99], [ramp[99]; 3]);
 }
 
-#[test]
-fn mip_maps_and_second_layers_do_not_disturb() {
-    let folder = Folder::new();
-    let size = [40, 24];
+/// Two pictures of 40 × 24 pixels: white, and twice as bright.
+fn two_parts() -> Vec<u8> {
     let part = |name: &str, value: f32| {
-        let list = ["R", "G", "B"].map(|channel| AnyChannel::new(channel, constant(value, size)));
-        let attributes = LayerAttributes::named(name);
-        Layer::new(
-            (40, 24),
-            attributes,
-            Encoding::FAST_LOSSLESS,
-            AnyChannels::sort(list.into_iter().collect()),
-        )
+        let list = ["R", "G", "B"].map(|channel| AnyChannel::new(channel, constant(value, [40, 24])));
+        let channels = AnyChannels::sort(list.into_iter().collect());
+        Layer::new((40, 24), LayerAttributes::named(name), Encoding::FAST_LOSSLESS, channels)
     };
     let display = ImageAttributes::with_size((40, 24));
     let image = ExrImage::from_layers(display, vec![part("front", 1.0), part("back", 2.0)]);
-    let path = folder.file("a");
-    image.write().to_file(&path).unwrap();
-    assert_eq!(read_image(&path).unwrap(), Image::constant(size, [1.0; 3]));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write().non_parallel().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
 
+/// A white picture of 40 × 24 pixels whose smaller levels are brighter, with a small preview.
+fn mip_mapped() -> Vec<u8> {
     let levels = || Levels::Mip {
         rounding_mode: ::exr::math::RoundingMode::Down,
         level_data: [(40, 24), (20, 12), (10, 6), (5, 3), (2, 1), (1, 1)]
@@ -263,10 +259,38 @@ fn mip_maps_and_second_layers_do_not_disturb() {
     };
     let list = ["R", "G", "B"].map(|channel| AnyChannel::new(channel, levels()));
     let encoding = Encoding { blocks: Blocks::Tiles(Vec2(16, 16)), ..Encoding::SMALL_FAST_LOSSLESS };
-    let channels = AnyChannels::sort(list.into_iter().collect());
-    let layer = Layer::new((40, 24), LayerAttributes::default(), encoding, channels);
-    ExrImage::from_layer(layer).write().to_file(&path).unwrap();
-    assert_eq!(read_image(&path).unwrap(), Image::constant(size, [1.0; 3]));
+    let preview = Preview { size: Vec2(2, 1), pixel_data: vec![7; 8] };
+    let attributes = LayerAttributes { preview: Some(preview), ..LayerAttributes::default() };
+    let layer = Layer::new((40, 24), attributes, encoding, AnyChannels::sort(list.into_iter().collect()));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    ExrImage::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn mip_maps_and_second_layers_do_not_disturb() {
+    let folder = Folder::new();
+    for bytes in [two_parts(), mip_mapped()] {
+        let read = read_image(&folder.holding("a", &bytes)).unwrap();
+        assert_eq!(read, Image::constant([40, 24], [1.0; 3]));
+    }
+}
+
+/// A block that names another place leaves its own open, though the number of blocks is right.
+#[test]
+fn a_picture_with_a_block_missing_is_refused() {
+    let folder = Folder::new();
+    let intact = mip_mapped();
+    // The table of the 12 blocks ends where the first block begins.
+    let table = 12 * 8;
+    let offset_at = |at: usize| u64::from_le_bytes(intact[at..at + 8].try_into().unwrap());
+    let first = (0..intact.len() - 8).find(|&at| offset_at(at) == (at + table) as u64).unwrap() + table;
+    for (tile, level, expected) in [(0_i32, 1_i32, "missing"), (1, 0, "twice")] {
+        let mut bytes = intact.clone();
+        bytes[first..first + 4].copy_from_slice(&tile.to_le_bytes());
+        bytes[first + 8..first + 16].copy_from_slice(&[level.to_le_bytes(); 2].concat());
+        assert!(reason(read_image(&folder.holding("a", &bytes))).contains(expected), "{expected}");
+    }
 }
 
 #[test]
@@ -361,6 +385,7 @@ fn make_files() -> Vec<Vec<u8>> {
     files.push(coded_bytes(rgba.to_rgba16().into(), ImageFormat::Png));
     files.push(coded_bytes(rgba.to_rgb8().into(), ImageFormat::Jpeg));
     files.push(coded_bytes(rgba.to_rgb32f().into(), ImageFormat::Hdr));
+    files.extend([two_parts(), mip_mapped()]);
     files
 }
 
@@ -384,6 +409,27 @@ fn every_file_cut_short_is_an_error_or_has_only_lost_padding() {
             reason(read_image(&folder.holding("half", &file[..file.len() / 2]))).len() > 5,
             "kind {kind}"
         );
+    }
+}
+
+/// Random bytes seldom make a size that is just too large, so these are put everywhere.
+#[test]
+fn extreme_numbers_anywhere_in_a_header_never_panic() {
+    let folder = Folder::new();
+    let files = valid_files();
+    for file in files[..2].iter().chain(&files[16..]) {
+        let is_exr = Format::of(file) == Some(Format::Exr);
+        for at in 0..file.len().min(600) - 4 {
+            for value in [-1, i32::MAX, 1 << 28] {
+                let mut file = file.clone();
+                file[at..at + 4].copy_from_slice(&if is_exr {
+                    value.to_le_bytes()
+                } else {
+                    value.to_be_bytes()
+                });
+                survive(&folder, &file);
+            }
+        }
     }
 }
 
