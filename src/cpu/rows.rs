@@ -77,17 +77,14 @@ impl<F: Real, const C: usize> Chunk<F, C> {
     }
 
     /// y ← T x for these rows; `y` holds them alone.
-    pub(super) fn gather(&self, bands: &Bands, x: &[[F; 3]], y: &mut [[F; 3]]) {
+    pub(super) fn gather(&self, bands: &Bands, x: &[Padded<F>], y: &mut [[F; 3]]) {
         let mut sums = [[0.0_f64; 3]; CHUNK];
         for band in 0..bands.len() {
             let x = &x[bands.range(band)];
             for (local, (elements, weights)) in self.stretches(band).enumerate() {
-                let mut sum = [F::zero(); 3];
+                let mut sum = [F::zero(); 4];
                 for (&element, weight) in elements.iter().zip(weights) {
-                    let x = x[usize::from(element)];
-                    for c in 0..3 {
-                        sum[c] += channel(weight, c) * x[c];
-                    }
+                    add_product(&mut sum, padded_weight(weight), x[usize::from(element)]);
                 }
                 for c in 0..3 {
                     sums[local][c] += sum[c].wide();
@@ -98,12 +95,12 @@ impl<F: Real, const C: usize> Chunk<F, C> {
     }
 
     /// x ← x + Tᵀ y for one band: `x` holds its elements, `y` all rows.
-    pub(super) fn scatter(&self, band: usize, y: &[[F; 3]], x: &mut [[F; 3]]) {
+    pub(super) fn scatter(&self, band: usize, y: &[[F; 3]], x: &mut [Padded<F>]) {
         self.send(band, y, x, |weight| weight);
     }
 
     /// x ← x + diag(Tᵀ diag(y) T) for one band.
-    pub(super) fn squares(&self, band: usize, y: &[[F; 3]], x: &mut [[F; 3]]) {
+    pub(super) fn squares(&self, band: usize, y: &[[F; 3]], x: &mut [Padded<F>]) {
         self.send(band, y, x, |weight| weight.map(|value| value * value));
     }
 
@@ -112,15 +109,13 @@ impl<F: Real, const C: usize> Chunk<F, C> {
         &self,
         band: usize,
         y: &[[F; 3]],
-        x: &mut [[F; 3]],
+        x: &mut [Padded<F>],
         weigh: impl Fn(Weight<F, C>) -> Weight<F, C>,
     ) {
-        for ((elements, weights), y) in self.stretches(band).zip(&y[self.rows.clone()]) {
+        for ((elements, weights), &y) in self.stretches(band).zip(&y[self.rows.clone()]) {
+            let y = padded(y);
             for (&element, &weight) in elements.iter().zip(weights) {
-                let (x, weight) = (&mut x[usize::from(element)], weigh(weight));
-                for c in 0..3 {
-                    x[c] += channel(&weight, c) * y[c];
-                }
+                add_product(&mut x[usize::from(element)], padded_weight(&weigh(weight)), y);
             }
         }
     }
@@ -133,6 +128,26 @@ impl<F: Real, const C: usize> Chunk<F, C> {
             let stretch = pair[0] as usize..pair[1] as usize;
             (&self.elements[stretch.clone()], &self.weights[stretch])
         })
+    }
+}
+
+/// Three channels and a fourth number that nobody reads: one processor register.
+pub(super) type Padded<F> = [F; 4];
+
+#[inline(always)]
+pub(super) fn padded<F: Real>([r, g, b]: [F; 3]) -> Padded<F> {
+    [r, g, b, F::zero()]
+}
+
+#[inline(always)]
+fn padded_weight<F: Real, const C: usize>(weight: &Weight<F, C>) -> Padded<F> {
+    [channel(weight, 0), channel(weight, 1), channel(weight, 2), channel(weight, 0)]
+}
+
+#[inline(always)]
+fn add_product<F: Real>(sum: &mut Padded<F>, a: Padded<F>, b: Padded<F>) {
+    for lane in 0..4 {
+        sum[lane] += a[lane] * b[lane];
     }
 }
 

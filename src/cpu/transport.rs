@@ -3,7 +3,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::bands::Bands;
-use super::rows::{CHUNK, Chunk};
+use super::rows::{CHUNK, Chunk, Padded, padded};
 use crate::march::{Real, Traversal, channel};
 use crate::operator::{CpuVector, LinearOperator, Vector, expect_len};
 use crate::scene::Strategy;
@@ -151,12 +151,14 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     fn scatter_with(
         &self,
         x: &mut CpuVector<F>,
-        scatter: impl Fn(&Chunk<F, C>, usize, &mut [[F; 3]]) + Sync,
+        scatter: impl Fn(&Chunk<F, C>, usize, &mut [Padded<F>]) + Sync,
     ) {
         x.fill([0.0; 3]);
         let add = |chunks: &[Chunk<F, C>], x: &mut CpuVector<F>| {
             self.bands.split(&mut x.0).into_par_iter().enumerate().for_each(|(band, x)| {
-                chunks.iter().for_each(|chunk| scatter(chunk, band, x));
+                let mut sums: Vec<Padded<F>> = x.iter().map(|&element| padded(element)).collect();
+                chunks.iter().for_each(|chunk| scatter(chunk, band, &mut sums));
+                x.iter_mut().zip(sums).for_each(|(element, [r, g, b, _])| *element = [r, g, b]);
             });
         };
         add(&self.kept, x);
@@ -183,7 +185,11 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
         expect_len("x", x, self.traversal.elements())?;
         expect_len("y", y, self.traversal.rows())?;
         let (kept, walked) = y.0.split_at_mut(self.first_walked);
-        kept.par_chunks_mut(CHUNK).zip(&self.kept).for_each(|(y, chunk)| chunk.gather(&self.bands, &x.0, y));
+        if !self.kept.is_empty() {
+            let x: Vec<Padded<F>> = x.0.par_iter().map(|&element| padded(element)).collect();
+            let rows = kept.par_chunks_mut(CHUNK).zip(&self.kept);
+            rows.for_each(|(y, chunk)| chunk.gather(&self.bands, &x, y));
+        }
         walked.par_chunks_mut(CHUNK).enumerate().for_each(|(index, y)| {
             let first = self.first_walked + index * CHUNK;
             y.iter_mut().enumerate().for_each(|(local, y)| *y = gather(&self.traversal, first + local, &x.0));

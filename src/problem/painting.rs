@@ -30,7 +30,6 @@ const HALF_DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Errors: [`Error::Shape`] for a layer that is not of the view's size; [`Error::Value`] for a layer or a stroke with
 /// numbers that cannot be, and for a stroke that reaches no pixel.
 /// Cost: the pixels in a stroke's bounding box; bit-identical for any number of threads.
-#[allow(dead_code, unreachable_pub, reason = "what assembles the rows calls it")]
 pub fn paint(view: &View) -> Result<RgbaImage> {
     let size = view.camera.size();
     let mut painting = RgbaImage::transparent(size);

@@ -94,7 +94,7 @@ proptest! {
             let leave = (0..2).filter(|&a| slope[a] != 0.0).map(|a| {
                 ((0.0 - origin[a]) / slope[a]).max((size[a] - origin[a]) / slope[a])
             }).fold(ray.length.min(reach), f64::min);
-            prop_assume!(leave.is_finite() && (leave > 1e-6 || leave < 0.0));
+            prop_assume!(leave.is_finite() && !(0.0..=1e-6).contains(&leave));
             ray.length = leave.max(0.0);
             let alone = LightMapTraversal::new(marched.transport().clone(), Arc::new([ray]));
             let (brute, a_step) = brute_force(&alone, 0, steps as usize);

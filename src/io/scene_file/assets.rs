@@ -22,10 +22,7 @@ pub(super) struct Assets {
 impl Assets {
     /// Files beside `scene_file`.
     pub(super) fn beside(scene_file: &Path) -> Self {
-        Self {
-            folder: scene_file.parent().map(Path::to_owned).unwrap_or_default(),
-            scenes: HashMap::new(),
-        }
+        Self { folder: scene_file.parent().map(Path::to_owned).unwrap_or_default(), scenes: HashMap::new() }
     }
 
     /// Direction and colour of a glTF sun.
