@@ -1,6 +1,6 @@
 //! The basis functions of a light map, integrated along a ray and gathered into one weight a texel.
 
-use super::{Real, Weight, exponential};
+use super::{Real, Weight, exponential, least, most};
 
 /// A piece of a ray inside one cell of the basis.
 pub(super) struct Piece<F> {
@@ -151,7 +151,7 @@ impl<F: Real, const C: usize> Bilinear<F, C> {
         match piece.cell[axis] {
             0 => (F::one(), F::zero()),
             last if last == self.size[axis] => (F::zero(), F::zero()),
-            _ => (piece.start[axis].max(F::zero()).min(F::one()), piece.change[axis]),
+            _ => (least(most(piece.start[axis], F::zero()), F::one()), piece.change[axis]),
         }
     }
 }

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::basis::{Bilinear, Nearest, Piece, Window};
 use super::visibility::{ShadowRay, clip};
-use super::{Real, Traversal, Weight};
+use super::{Real, Traversal, Weight, least};
 use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray, ShadowMap};
 
 /// A view ray in the frame of the light, up to the first surface.
@@ -192,6 +192,7 @@ impl LightMapTransport {
             map: &self.shadow_map,
             origin: [F::of(origin.x), F::of(origin.y)],
             slope: [F::of(slope.x), F::of(slope.y)],
+            inverse: [F::of(1.0 / slope.x), F::of(1.0 / slope.y)],
             depth: F::of(ray.origin.z - self.shadow_map.depth_origin()),
             depth_slope: F::of(ray.direction.z),
         }
@@ -265,8 +266,9 @@ impl<F: Real> CellRay<F> {
     #[inline(always)]
     fn cell(&self, t: F) -> [usize; 2] {
         std::array::from_fn(|axis| {
-            let index = (self.origin[axis] + self.slope[axis] * t).floor().wide();
-            (index.max(0.0) as usize).min(self.last[axis])
+            // The cast rounds towards zero, and takes what rounding has put before the first cell to it.
+            let index = (self.origin[axis] + self.slope[axis] * t).wide() as usize;
+            index.min(self.last[axis])
         })
     }
 
@@ -283,43 +285,39 @@ impl<F: Real> CellRay<F> {
 
     /// Visits the pieces of [a, b] cell by cell, in order (Amanatides and Woo 1987).
     ///
-    /// Every crossing is computed from its own grid line, so rounding does not add up along the ray.
+    /// Every crossing is computed from its own grid line, so rounding does not add up along the ray. Which axis comes
+    /// next is hard to predict, so both are advanced without a branch, one of them by nothing.
     #[inline(always)]
     fn pieces(&self, a: F, b: F, mut visit: impl FnMut(&Piece<F>, F)) {
         let mut cell = self.cell(a);
-        let crossing = |cell: [usize; 2], axis: usize| {
-            if self.slope[axis] == F::zero() {
-                return F::infinity();
-            }
-            let line = cell[axis] + usize::from(self.slope[axis] > F::zero());
-            (F::of(line as f64) - self.origin[axis]) * self.inverse[axis]
-        };
-        let mut next = [crossing(cell, 0), crossing(cell, 1)];
+        let (ahead, step) = (self.slope.map(|slope| slope > F::zero()), self.slope.map(F::signum));
+        let mut line: [F; 2] = std::array::from_fn(|axis| match self.slope[axis] == F::zero() {
+            true => F::infinity(),
+            false => F::of((cell[axis] + usize::from(ahead[axis])) as f64),
+        });
+        let crossing = |line: [F; 2], axis: usize| (line[axis] - self.origin[axis]) * self.inverse[axis];
+        let mut next = [crossing(line, 0), crossing(line, 1)];
         let mut t = a;
         loop {
-            let axis = usize::from(next[1] < next[0]);
-            let end = next[axis].min(b);
+            let x_first = next[0] <= next[1];
+            let end = least(least(next[0], next[1]), b);
             if end > t {
                 visit(&self.piece(cell, t, end - t), end - t);
                 t = end;
             }
-            if next[axis] >= b {
+            if end >= b {
                 break;
             }
-            if self.slope[axis] > F::zero() {
-                if cell[axis] == self.last[axis] {
-                    next[axis] = F::infinity();
-                    continue;
-                }
-                cell[axis] += 1;
-            } else {
-                if cell[axis] == 0 {
-                    next[axis] = F::infinity();
-                    continue;
-                }
-                cell[axis] -= 1;
+            for (axis, comes) in [(0, x_first), (1, !x_first)] {
+                line[axis] = line[axis] + if comes { step[axis] } else { F::zero() };
+                let onwards = if ahead[axis] { 1 } else { usize::MAX };
+                cell[axis] = cell[axis].wrapping_add(if comes { onwards } else { 0 });
             }
-            next[axis] = crossing(cell, axis);
+            // Only rounding at the rim of the map can lead outside, by less than what it can resolve.
+            if cell[0] > self.last[0] || cell[1] > self.last[1] {
+                break;
+            }
+            next = [crossing(line, 0), crossing(line, 1)];
         }
     }
 }

@@ -42,6 +42,18 @@ impl Real for f64 {
     }
 }
 
+/// The smaller number; one instruction, where `Float::min` also asks for NaN.
+#[inline(always)]
+fn least<F: Real>(a: F, b: F) -> F {
+    if a < b { a } else { b }
+}
+
+/// The larger number; one instruction, where `Float::max` also asks for NaN.
+#[inline(always)]
+fn most<F: Real>(a: F, b: F) -> F {
+    if a > b { a } else { b }
+}
+
 /// A weight of `C` channels: one for all three colours (grey media), or one a colour.
 pub type Weight<F, const C: usize> = [F; C];
 

@@ -1,15 +1,16 @@
 //! The lit stretches of a ray, found through the min-max pyramid of the shadow map.
 
-use super::Real;
+use super::{Real, least, most};
 use crate::scene::ShadowMap;
 
 /// A ray in texels of a shadow map and in metres of stored depth, all affine in the distance t.
 #[derive(Clone, Copy)]
 pub(super) struct ShadowRay<'a, F> {
     pub(super) map: &'a ShadowMap,
-    /// Position in texels at t = 0, and its change a metre.
+    /// Position in texels at t = 0, its change a metre, and one over that.
     pub(super) origin: [F; 2],
     pub(super) slope: [F; 2],
+    pub(super) inverse: [F; 2],
     /// Depth along the light at t = 0 and its change a metre, in metres.
     pub(super) depth: F,
     pub(super) depth_slope: F,
@@ -49,7 +50,8 @@ impl<F: Real> ShadowRay<'_, F> {
                 if enter > a {
                     joined.add(a, enter);
                 }
-                self.descend(self.map.top(), [0, 0], enter, leave, &mut joined);
+                let inside = [enter, leave].map(|t| self.at(t));
+                self.descend(self.map.top(), [0, 0], inside, &mut joined);
                 if b > leave {
                     joined.add(leave, b);
                 }
@@ -60,35 +62,61 @@ impl<F: Real> ShadowRay<'_, F> {
         }
     }
 
-    fn descend<V: FnMut(F, F)>(&self, level: usize, [i, j]: [usize; 2], a: F, b: F, lit: &mut Joined<F, V>) {
+    fn at(&self, t: F) -> Instant<F> {
+        Instant { t, depth: self.depth + self.depth_slope * t }
+    }
+
+    fn descend<V: FnMut(F, F)>(
+        &self,
+        level: usize,
+        [i, j]: [usize; 2],
+        [a, b]: [Instant<F>; 2],
+        lit: &mut Joined<F, V>,
+    ) {
         let [nearest, farthest] = self.map.range(level, i, j).map(|z| F::of(f64::from(z)));
-        let (at_a, at_b) = (self.depth + self.depth_slope * a, self.depth + self.depth_slope * b);
-        if at_a.max(at_b) <= nearest {
-            return lit.add(a, b);
+        if a.depth <= nearest && b.depth <= nearest {
+            return lit.add(a.t, b.t);
         }
-        if at_a.min(at_b) > farthest {
+        if a.depth > farthest && b.depth > farthest {
             return;
         }
         if level == 0 {
-            let crossing = ((nearest - self.depth) / self.depth_slope).max(a).min(b);
-            return if at_b > at_a { lit.add(a, crossing) } else { lit.add(crossing, b) };
+            let crossing = least(most((nearest - self.depth) / self.depth_slope, a.t), b.t);
+            return if b.depth > a.depth { lit.add(a.t, crossing) } else { lit.add(crossing, b.t) };
         }
         let half = 1usize << (level - 1);
-        let middle = [(2 * i + 1) * half, (2 * j + 1) * half].map(|side| F::of(side as f64));
-        let [first, second] = {
-            let split = |axis: usize| ((middle[axis] - self.origin[axis]) / self.slope[axis]).max(a).min(b);
-            let along = [0, 1].map(|axis| if self.slope[axis] == F::zero() { b } else { split(axis) });
-            if along[0] <= along[1] { along } else { [along[1], along[0]] }
-        };
-        for (start, end) in [(a, first), (first, second), (second, b)] {
-            if start < end {
-                let t = F::of(0.5) * (start + end);
-                let beyond = |axis: usize| self.origin[axis] + self.slope[axis] * t >= middle[axis];
-                let child = [2 * i + usize::from(beyond(0)), 2 * j + usize::from(beyond(1))];
-                self.descend(level - 1, child, start, end, lit);
+        let split = [(2 * i + 1) * half, (2 * j + 1) * half];
+        let split = [self.split(0, split[0], a.t, b.t), self.split(1, split[1], a.t, b.t)];
+        let (first, second) = if split[0] <= split[1] { (split[0], split[1]) } else { (split[1], split[0]) };
+        let mut start = a;
+        for end in [self.at(first), self.at(second), b] {
+            if start.t < end.t {
+                let beyond = |axis: usize| {
+                    let past = start.t >= split[axis];
+                    usize::from(past == (self.slope[axis] >= F::zero()))
+                };
+                self.descend(level - 1, [2 * i + beyond(0), 2 * j + beyond(1)], [start, end], lit);
+                start = end;
             }
         }
     }
+
+    /// When the ray crosses a grid line, kept inside [a, b]; one that never does has always crossed the lines before it.
+    #[inline(always)]
+    fn split(&self, axis: usize, line: usize, a: F, b: F) -> F {
+        let distance = F::of(line as f64) - self.origin[axis];
+        if self.slope[axis] == F::zero() {
+            return if distance <= F::zero() { a } else { b };
+        }
+        least(most(distance * self.inverse[axis], a), b)
+    }
+}
+
+/// A point of a ray and its depth along the light.
+#[derive(Clone, Copy)]
+struct Instant<F> {
+    t: F,
+    depth: F,
 }
 
 /// The part of [a, b] in which `origin + slope t` lies inside [0, size] on both axes.
