@@ -1,10 +1,10 @@
 //! A walled citadel at dawn: the sun behind it shines through its gates and between its towers into the court.
 
 use glam::DVec3;
-use unscatter::io::scene_file::{Channels, Document, Light, Medium};
+use unscatter::io::scene_file::{Channels, Document, Light, MapSize, Medium};
 
 use crate::painter::Shaft;
-use crate::stage::{Arch, Opening, Stage, Wall, shadow_map, view};
+use crate::stage::{Arch, Opening, Stage, Wall, map_extent, shadow_map, view};
 
 /// Where the light goes; the sun is 23° high.
 const SUN: [f64; 3] = [0.26, -0.4, 0.87];
@@ -28,7 +28,9 @@ pub(crate) fn document() -> Document {
     let mut document = Document::new(light, medium, views);
     document.name = Some("Citadel".to_owned());
     document.ambient = Channels::Rgb([0.030, 0.040, 0.062]);
-    document.light_map.size = unscatter::io::scene_file::MapSize::Square(512);
+    document.light_map.size = MapSize::Square(512);
+    let openings = [DVec3::new(-23.0, 0.0, GATE_WALL[0]), DVec3::new(16.0, 19.0, GATE_WALL[1])];
+    document.light_map.extent = Some(map_extent(DVec3::from_array(SUN), openings));
     let corners = [DVec3::new(-32.0, 0.0, -46.0), DVec3::new(32.0, 27.0, 18.0)];
     document.shadow_map = shadow_map(512, DVec3::from_array(SUN), corners);
     document.occluders = citadel().occluders;
@@ -105,18 +107,26 @@ fn keep(stage: &mut Stage) {
 /// The shafts, and what is painted on them.
 pub(crate) fn shafts() -> Vec<Shaft> {
     let z = GATE_WALL[1];
-    let shaft = |x: f64, y: f64, radius: f64, color: [u8; 3]| Shaft {
+    let shaft = |x: f64, y: f64, half: [f64; 2], along: [f64; 2], color: [u8; 3]| Shaft {
         from: DVec3::new(x, y, z),
-        radius,
-        along: [0.5, 60.0],
+        half,
+        along,
         color,
     };
     vec![
-        shaft(0.0, 6.6, 1.2, [0xff, 0x7a, 0x1e]),
-        shaft(-1.0, 4.0, 1.2, [0xff, 0x40, 0x20]),
-        shaft(0.0, 15.0, 0.8, [0xff, 0xc8, 0x40]),
-        shaft(-10.8, 13.5, 1.5, [0x20, 0xb0, 0xc8]),
-        shaft(-10.8, 17.5, 1.5, [0x30, 0x60, 0xff]),
-        shaft(10.8, 5.0, 1.0, [0xd0, 0x30, 0xe0]),
+        // Through the gate, from the ground up.
+        shaft(-0.9, 2.6, [1.1, 1.2], [0.5, 5.0], [0xf0, 0x28, 0x18]),
+        shaft(0.6, 5.0, [1.4, 1.4], [0.5, 9.0], [0xff, 0x5a, 0x14]),
+        shaft(0.2, 7.2, [1.4, 1.2], [1.0, 12.0], [0xff, 0x96, 0x20]),
+        // The window above it.
+        shaft(0.0, 14.6, [0.8, 1.6], [2.0, 16.0], [0xff, 0xd0, 0x38]),
+        // Between the towers, over the low wall.
+        shaft(-10.8, 13.0, [1.5, 1.2], [1.0, 16.0], [0x18, 0x90, 0xd8]),
+        shaft(-10.8, 16.0, [1.5, 1.2], [1.0, 16.0], [0x20, 0xc8, 0xb0]),
+        // The postern and the sally port.
+        shaft(10.8, 4.4, [1.1, 2.2], [1.0, 9.0], [0xc0, 0x30, 0xf0]),
+        shaft(-20.5, 3.0, [1.0, 1.8], [0.5, 6.0], [0xf0, 0x30, 0xa0]),
+        // Over the high wall, between its merlons.
+        shaft(9.2, 17.8, [2.0, 0.6], [1.0, 16.0], [0xff, 0xc0, 0x60]),
     ]
 }

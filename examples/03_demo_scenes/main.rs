@@ -12,6 +12,7 @@ use unscatter::io::scene_file::{self, Document};
 use unscatter::problem;
 
 mod citadel;
+mod nave;
 mod painter;
 mod stage;
 
@@ -21,6 +22,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let citadel =
         Demo { document: citadel::document(), shafts: citadel::shafts(), share: 0.5, pixels: 41_240 };
     citadel.write(&folder.join("citadel.json"))?;
+    let nave = Demo { document: nave::document(), shafts: nave::shafts(), share: 0.5, pixels: 60_000 };
+    nave.write(&folder.join("nave.json"))?;
     Ok(())
 }
 

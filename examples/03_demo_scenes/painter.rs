@@ -11,8 +11,8 @@ use crate::stage::millimetres;
 pub(crate) struct Shaft {
     /// A point of the opening that it comes through.
     pub(crate) from: DVec3,
-    /// Half its width, in metres.
-    pub(crate) radius: f64,
+    /// Half its width and half its height in the plane of the light, in metres.
+    pub(crate) half: [f64; 2],
     /// How far from the opening it is painted, in metres, and how far at most.
     pub(crate) along: [f64; 2],
     pub(crate) color: [u8; 3],
@@ -60,8 +60,8 @@ fn stroke(scene: &Scene, view: usize, shaft: &Shaft, share: f64, brush: f64) -> 
     Some(Stroke { points, radius, hardness: 0.8, opacity: 1.0, color: Paint::Hex(shaft.color) })
 }
 
-/// Where a point of a shaft is in the picture and how wide the shaft is there, in pixels; none when it is not seen,
-/// not lit, or lost among other light.
+/// Where a point of a shaft is in the picture and how wide the shaft is there, in pixels; none when it is hidden or
+/// lost among other light.
 fn clear(scene: &Scene, view: usize, shaft: &Shaft, point: DVec3, share: f64) -> Option<(DVec2, f64)> {
     let camera = &scene.views[view].camera;
     let [width, height] = camera.size().map(|side| side as f64);
@@ -71,10 +71,10 @@ fn clear(scene: &Scene, view: usize, shaft: &Shaft, point: DVec3, share: f64) ->
     }
     let ray = camera.ray(pixel.x, pixel.y);
     let distance = point.distance(ray.origin);
-    if scene.geometry.blocks(&ray, distance) || !is_lit(scene, point) {
+    if scene.geometry.blocks(&ray, distance) {
         return None;
     }
-    let beside = camera.project(point + shaft.radius * ray.direction.any_orthonormal_vector())?;
+    let beside = camera.project(point + shaft.half[0] * ray.direction.any_orthonormal_vector())?;
     (clarity(scene, shaft, &ray) >= share).then(|| (pixel, beside.distance(pixel)))
 }
 
@@ -82,6 +82,7 @@ fn clear(scene: &Scene, view: usize, shaft: &Shaft, point: DVec3, share: f64) ->
 fn clarity(scene: &Scene, shaft: &Shaft, ray: &Ray) -> f64 {
     let reach = scene.medium.reach(0.02);
     let end = scene.geometry.first_hit(ray, reach).map_or(reach, |hit| hit.distance);
+    let frame = scene.light.frame();
     let (mut inside, mut all) = (0.0, 0.0);
     for sample in 0..SAMPLES {
         let t = end * (sample as f64 + 0.5) / SAMPLES as f64;
@@ -89,8 +90,9 @@ fn clarity(scene: &Scene, shaft: &Shaft, ray: &Ray) -> f64 {
         if is_lit(scene, point) {
             let light = scene.medium.transmittance(t)[1];
             all += light;
-            let across = (point - shaft.from).reject_from_normalized(scene.light.direction);
-            inside += if across.length() < 1.5 * shaft.radius { light } else { 0.0 };
+            let across = frame.light_from_world(point - shaft.from);
+            let is_inside = across.x.abs() < 1.4 * shaft.half[0] && across.y.abs() < 1.4 * shaft.half[1];
+            inside += if is_inside { light } else { 0.0 };
         }
     }
     if all > 0.0 { inside / all } else { 0.0 }

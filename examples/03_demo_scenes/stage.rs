@@ -79,6 +79,31 @@ impl Stage {
         self.occluders.push(Occluder::Cylinder(pillar));
     }
 
+    /// A disc that faces along z.
+    pub(crate) fn disc(&mut self, [x, y, z]: [f64; 3], radius: f64, thickness: f64) {
+        let [from, to] = [z - 0.5 * thickness, z + 0.5 * thickness].map(|z| [x, y, z].map(millimetres));
+        self.occluders.push(Occluder::Cylinder(CylinderShape {
+            from,
+            to,
+            radius,
+            albedo: self.albedo,
+            to_world: None,
+        }));
+    }
+
+    /// A round bar from −`half` to +`half` around a point.
+    pub(crate) fn bar(&mut self, middle: [f64; 3], half: [f64; 3], radius: f64) {
+        let end = |side: f64| std::array::from_fn(|axis| millimetres(middle[axis] + side * half[axis]));
+        let (from, to) = (end(-1.0), end(1.0));
+        self.occluders.push(Occluder::Cylinder(CylinderShape {
+            from,
+            to,
+            radius,
+            albedo: self.albedo,
+            to_world: None,
+        }));
+    }
+
     /// A wall along x; `openings` from the least x to the greatest.
     pub(crate) fn wall(&mut self, wall: Wall, openings: &[Opening]) {
         let mut x = wall.x[0];
@@ -151,6 +176,11 @@ pub(crate) fn view(name: &str, origin: [f64; 3], target: [f64; 3], fov: f64) -> 
 
 /// A shadow map of `size`² texels that covers the box between two corners.
 pub(crate) fn shadow_map(size: usize, direction: DVec3, corners: [DVec3; 2]) -> ShadowMap {
+    ShadowMap { size: MapSize::Square(size), extent: Some(map_extent(direction, corners)) }
+}
+
+/// What the box between two corners covers in the plane of the light.
+pub(crate) fn map_extent(direction: DVec3, corners: [DVec3; 2]) -> Extent {
     let frame = LightFrame::along(direction.normalize());
     let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for corner in 0..8 {
@@ -161,8 +191,7 @@ pub(crate) fn shadow_map(size: usize, direction: DVec3, corners: [DVec3; 2]) -> 
             max[axis] = p[axis].max(max[axis]);
         }
     }
-    let extent = Extent { min: min.map(millimetres), max: max.map(millimetres) };
-    ShadowMap { size: MapSize::Square(size), extent: Some(extent) }
+    Extent { min: min.map(millimetres), max: max.map(millimetres) }
 }
 
 /// Rounded to a thousandth, so that the last bits of a machine's arithmetic do not reach the files.
