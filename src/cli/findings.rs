@@ -25,8 +25,6 @@ impl Findings<'_> {
     pub(super) fn report(&self, timings: Vec<(String, f64)>) -> Report {
         let storage = self.operator.storage();
         let stop = self.solved.outcome.stop;
-        let mut timings: BTreeMap<String, f64> = timings.into_iter().collect();
-        timings.remove("writing");
         Report {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: "light-map".to_owned(),
@@ -60,7 +58,7 @@ impl Findings<'_> {
             stop: StopRecord { reason: stop.reason.name().to_owned(), iteration: stop.iteration as u64 },
             weighted_residual: Change { before: self.before.0.residual, after: self.after.0.residual },
             matched: self.matched(),
-            timings,
+            timings: timings.into_iter().collect(),
             memory: self.memory(),
             skipped: self.skipped(),
             adjoint_error: self.adjoint_error,

@@ -5,12 +5,12 @@ use super::findings::Findings;
 use super::progress::{Steps, interrupted, watch_interrupt};
 use super::results::{Folder, ViewPictures};
 use super::{Done, Manners, job, resume};
+use crate::Result;
 use crate::operator::{CpuVector, adjoint_test};
 use crate::problem::{LightMapProblem, assess, render, solve};
 use crate::report::{self, Report};
 use crate::scene::{Image, Rgb, Scene};
 use crate::solve::{Control, StopReason};
-use crate::{Result, io};
 
 /// How often a checkpoint is written.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(10);
@@ -59,7 +59,11 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     steps.begin("writing", None);
     let light_map = light_map_picture(&problem, solved.light_map.clone())?;
     let coverage_picture = coverage_picture(&problem, &coverage)?;
-    write_pictures(&scene, &folder, &light_map, &coverage_picture, &pictures)?;
+    let in_page = report::Pictures {
+        views: pictures.iter().map(|view| view.write(&folder, scene.exposure)).collect::<Result<_>>()?,
+        light_map: folder.write_picture("light_map", &light_map, exposure_of(&problem))?,
+        coverage: Some(folder.write_png("coverage", &coverage_picture, 0.0)?),
+    };
     let views = scene.views.len();
     let findings = Findings {
         scene: &scene,
@@ -72,9 +76,8 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
         adjoint_error,
     };
     let report = findings.report(steps.finish());
-    let page = report::html(&report, &in_page(&scene, &light_map, &coverage_picture, &pictures)?)?;
-    folder.write_text("report.json", &report.to_json()?)?;
-    folder.write_text("report.html", &page)?;
+    folder.write_bytes("report.json", report.to_json()?.as_bytes())?;
+    folder.write_bytes("report.html", report::html(&report, &in_page)?.as_bytes())?;
     manners.print(&report.to_json()?, &summary(&report, &folder));
     let was_interrupted = solved.outcome.stop.reason == StopReason::Interrupted;
     Ok(if was_interrupted { Done::Interrupted } else { Done::Completely })
@@ -119,7 +122,7 @@ fn draw(
 }
 
 fn preview(scene: &Scene, problem: &LightMapProblem, folder: &Folder, texels: &[Rgb]) -> Result<()> {
-    folder.write_picture("light_map", &light_map_picture(problem, texels.to_vec())?, scene.exposure)?;
+    folder.write_picture("light_map", &light_map_picture(problem, texels.to_vec())?, exposure_of(problem))?;
     for (view, seen) in scene.views.iter().enumerate() {
         let after = render(scene, &problem.maps, Some(texels), view)?.after;
         folder.write_picture(&format!("{}_after", seen.name), &after, scene.exposure)?;
@@ -139,29 +142,10 @@ fn coverage_picture(problem: &LightMapProblem, coverage: &CpuVector) -> Result<I
     Image::new(problem.maps.light_map.size, coverage.0.iter().map(|texel| texel.map(shade)).collect())
 }
 
-fn write_pictures(
-    scene: &Scene,
-    folder: &Folder,
-    light_map: &Image,
-    coverage: &Image,
-    pictures: &[ViewPictures],
-) -> Result<()> {
-    folder.write_picture("light_map", light_map, scene.exposure)?;
-    io::image::write_png(&folder.file("coverage.png"), coverage, 0.0)?;
-    pictures.iter().try_for_each(|view| view.write(folder, scene.exposure))
-}
-
-fn in_page(
-    scene: &Scene,
-    light_map: &Image,
-    coverage: &Image,
-    pictures: &[ViewPictures],
-) -> Result<report::Pictures> {
-    Ok(report::Pictures {
-        views: pictures.iter().map(|view| view.for_report(scene.exposure)).collect::<Result<_>>()?,
-        light_map: io::image::png_bytes(light_map, scene.exposure)?,
-        coverage: Some(io::image::png_bytes(coverage, 0.0)?),
-    })
+/// Stops that show the light's own radiance as a light grey, with room for what is brighter.
+fn exposure_of(problem: &LightMapProblem) -> f64 {
+    let brightest = problem.start.iter().copied().fold(0.0, f32::max);
+    if brightest > 0.0 { -(2.0 * f64::from(brightest)).log2() } else { 0.0 }
 }
 
 fn summary(report: &Report, folder: &Folder) -> String {

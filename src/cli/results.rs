@@ -30,17 +30,27 @@ impl Folder {
         self.0.join(name)
     }
 
-    /// Writes a picture as EXR, as radiance, and as PNG.
-    pub(crate) fn write_picture(&self, name: &str, picture: &Image, exposure: f64) -> Result<()> {
+    /// Writes a picture as EXR, as radiance, and as PNG; gives back the PNG file.
+    pub(crate) fn write_picture(&self, name: &str, picture: &Image, exposure: f64) -> Result<Vec<u8>> {
         io::image::write_exr(&self.file(&format!("{name}.exr")), picture)?;
-        io::image::write_png(&self.file(&format!("{name}.png")), picture, exposure)
+        self.write_png(name, picture, exposure)
     }
 
-    pub(crate) fn write_text(&self, name: &str, text: &str) -> Result<()> {
+    /// Writes a picture as PNG alone; gives back the file.
+    pub(crate) fn write_png(&self, name: &str, picture: &Image, exposure: f64) -> Result<Vec<u8>> {
+        let png = io::image::png_bytes(picture, exposure)?;
+        self.write_bytes(&format!("{name}.png"), &png)?;
+        Ok(png)
+    }
+
+    pub(crate) fn write_bytes(&self, name: &str, bytes: &[u8]) -> Result<()> {
         let path = self.file(name);
         io::write_whole(&path, |file| {
-            let failed = |source| Error::File { action: "write", path: path.clone(), source };
-            file.write_all(text.as_bytes()).map_err(failed)
+            file.write_all(bytes).map_err(|source| Error::File {
+                action: "write",
+                path: path.clone(),
+                source,
+            })
         })
     }
 }
@@ -82,21 +92,22 @@ impl ViewPictures {
         Self { name: scene.views[view].name.clone(), target, before, after, difference }
     }
 
-    pub(crate) fn write(&self, folder: &Folder, exposure: f64) -> Result<()> {
-        for (kind, picture) in self.each() {
-            folder.write_picture(&format!("{}_{kind}", self.name), picture, exposure)?;
-        }
-        Ok(())
-    }
-
-    pub(crate) fn for_report(&self, exposure: f64) -> Result<report::ViewPictures> {
-        let png = |picture| io::image::png_bytes(picture, exposure);
+    /// Writes the pictures, side by side; gives back their PNG files.
+    pub(crate) fn write(&self, folder: &Folder, exposure: f64) -> Result<report::ViewPictures> {
+        let write = |(kind, picture): (&str, &Image)| {
+            folder.write_picture(&format!("{}_{kind}", self.name), picture, exposure)
+        };
+        let [target, before, after, difference] = self.each();
+        let ((target, before), (after, difference)) = rayon::join(
+            || rayon::join(|| write(target), || write(before)),
+            || rayon::join(|| write(after), || write(difference)),
+        );
         Ok(report::ViewPictures {
             name: self.name.clone(),
-            target: png(&self.target)?,
-            before: png(&self.before)?,
-            after: png(&self.after)?,
-            difference: png(&self.difference)?,
+            target: target?,
+            before: before?,
+            after: after?,
+            difference: difference?,
         })
     }
 

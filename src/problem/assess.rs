@@ -17,7 +17,8 @@ pub struct Match {
     pub pixels: usize,
     /// √(Σ w ‖L − L_target‖² / Σ w ‖L_target‖²), L the scattered radiance and w the painted alpha.
     pub residual: f64,
-    /// Mean angle between the hue shown and the hue painted, in degrees, over pixels that have both.
+    /// Mean angle between the hue shown and the hue painted, in degrees, over lit pixels whose paint has a hue.
+    /// Grey counts as 90°, the mean over all hues that might have been meant.
     pub hue_error: f64,
     /// The same over the pixels that are not contested: no stroke of another hue pulls at the same texels.
     pub uncontested_hue_error: f64,
@@ -69,9 +70,11 @@ impl Sums {
             self.targets += weight * f64::from(target[c]).powi(2);
         }
         let lit = target.iter().any(|&value| value > 1e-6);
-        if let (true, Some(want), Some(have)) = (lit, hue(painted, SATURATED), hue(shown, 0.0)) {
-            let error = (have - want).to_degrees().rem_euclid(360.0);
-            let error = f64::from(error.min(360.0 - error));
+        if let (true, Some(want)) = (lit, hue(painted, SATURATED)) {
+            let error = hue(shown, 0.0).map_or(90.0, |have| {
+                let turn = (have - want).to_degrees().rem_euclid(360.0);
+                f64::from(turn.min(360.0 - turn))
+            });
             for sums in &mut self.hue[..if contested { 1 } else { 2 }] {
                 sums[0] += weight;
                 sums[1] += weight * error;
