@@ -36,7 +36,7 @@ pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done>
     steps.begin("reading", None);
     let scene = job::load(arguments, &[])?;
     steps.begin("tracing", None);
-    let (problem, _) = LightMapProblem::new(&scene)?.sampled(ROWS);
+    let problem = LightMapProblem::new(&scene)?.sampled(ROWS);
     steps.begin("checking", None);
     let explicit = if problem.is_grey() {
         ExplicitMatrix::new::<1>(&problem.traversal, NONZEROS)?

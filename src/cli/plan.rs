@@ -10,8 +10,10 @@ use crate::operator::{LinearOperator, Vector};
 use crate::problem::LightMapProblem;
 use crate::scene::Strategy;
 
-/// Products of T and of its adjoint that an iteration takes.
-const APPLICATIONS: f64 = 2.0;
+/// Rows that are timed.
+const SAMPLE: usize = 16384;
+/// How often.
+const TRIALS: usize = 3;
 
 #[derive(Serialize)]
 struct Plan {
@@ -83,20 +85,35 @@ pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done>
     Ok(Done::Completely)
 }
 
-/// Times both products on a sample of the rows, kept and walked, and scales them up.
+/// Times both products on samples of the rows, kept and walked.
+///
+/// Part of the cost does not depend on the rows, so it takes two samples to foresee that of all.
 fn seconds_per_iteration(problem: &LightMapProblem, kept: f64) -> Result<f64> {
-    let (sample, share) = problem.sampled(4096);
-    let timed = |strategy: Strategy| -> Result<f64> {
-        let operator = sample.operator_with(strategy, u64::MAX)?;
-        let (mut x, mut y) = (operator.domain(), operator.range());
-        x.fill([1.0; 3]);
+    let rows = problem.constraints.len();
+    let seconds = |strategy: Strategy| -> Result<f64> {
+        let (few, many) =
+            (timed(&problem.sampled(SAMPLE / 4), strategy)?, timed(&problem.sampled(SAMPLE), strategy)?);
+        let slope = if many.0 > few.0 { (many.1 - few.1).max(0.0) / (many.0 - few.0) as f64 } else { 0.0 };
+        Ok(many.1 + slope * rows.saturating_sub(many.0) as f64)
+    };
+    let kept_seconds = if kept > 0.0 { kept * seconds(Strategy::Assembled)? } else { 0.0 };
+    let walked_seconds = if kept < 1.0 { (1.0 - kept) * seconds(Strategy::MatrixFree)? } else { 0.0 };
+    Ok(kept_seconds + walked_seconds)
+}
+
+/// The number of rows, and the least seconds that both products took in a few trials.
+fn timed(problem: &LightMapProblem, strategy: Strategy) -> Result<(usize, f64)> {
+    let operator = problem.operator_with(strategy, u64::MAX)?;
+    let (mut x, mut y) = (operator.domain(), operator.range());
+    x.fill([1.0; 3]);
+    let mut least = f64::INFINITY;
+    for _ in 0..TRIALS {
         let clock = Instant::now();
         operator.apply(&x, &mut y)?;
         operator.apply_adjoint(&y, &mut x)?;
-        Ok(clock.elapsed().as_secs_f64() / APPLICATIONS)
-    };
-    let application = kept * timed(Strategy::Assembled)? + (1.0 - kept) * timed(Strategy::MatrixFree)?;
-    Ok(APPLICATIONS * application / share)
+        least = least.min(clock.elapsed().as_secs_f64());
+    }
+    Ok((problem.constraints.len(), least))
 }
 
 fn words(plan: &Plan) -> String {

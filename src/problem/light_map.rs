@@ -116,15 +116,15 @@ impl LightMapProblem {
         )
     }
 
-    /// The problem of at most `rows` of its rows, evenly spread, and their share of all.
-    pub fn sampled(&self, rows: usize) -> (Self, f64) {
+    /// The problem of at most `rows` of its rows, evenly spread.
+    pub fn sampled(&self, rows: usize) -> Self {
         let stride = self.constraints.len().div_ceil(rows.max(1)).max(1);
         fn every<T: Clone>(values: &[T], stride: usize) -> Vec<T> {
             values.iter().step_by(stride).cloned().collect()
         }
         let rays = every(self.traversal.rays(), stride).into();
         let traversal = LightMapTraversal::new(self.traversal.transport().clone(), rays);
-        let sample = Self {
+        Self {
             constraints: every(&self.constraints, stride),
             paintings: self.paintings.clone(),
             maps: self.maps.clone(),
@@ -134,9 +134,7 @@ impl LightMapProblem {
             plan: plan(&traversal, self.grey),
             grey: self.grey,
             traversal,
-        };
-        let share = sample.constraints.len() as f64 / self.constraints.len() as f64;
-        (sample, share)
+        }
     }
 
     /// Whether one weight serves all channels.
