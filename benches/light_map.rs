@@ -36,6 +36,7 @@ fn paper_size(basis: Basis, quadrature: Quadrature) -> LightMapTraversal {
         basis,
         quadrature,
         transmittance_bound: f64::powi(2.0, -24),
+        mask: None,
     };
     let mut rays = Vec::with_capacity(41_240);
     for (view, eye) in [[14.0, 2.0, 12.0], [-15.0, 3.0, 8.0], [2.0, 6.0, -17.0]].into_iter().enumerate() {

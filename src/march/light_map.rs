@@ -50,6 +50,8 @@ pub struct LightMapTransport {
     pub quadrature: Quadrature,
     /// Transmittance at which the rest of a ray is skipped.
     pub transmittance_bound: f64,
+    /// Where texels are worth a visit, as a map that light passes there and nowhere else; everywhere without it.
+    pub mask: Option<Arc<ShadowMap>>,
 }
 
 /// How much of a row there is, and how much of it is walked.
@@ -127,7 +129,7 @@ impl LightMapTraversal {
         if let Some([enter, leave]) = self.transport.inside(ray, end) {
             let [_, slope] = grid_ray(ray, &self.transport.light_map);
             extent.texels = slope.length() * (leave - enter);
-            self.transport.shadow_ray::<f64>(ray).lit_stretches(enter, leave, |start, end| {
+            shadow_ray::<f64>(ray, &self.transport.shadow_map).lit_stretches(enter, leave, |start, end| {
                 extent.lit_texels += slope.length() * (end - start);
             });
         }
@@ -143,7 +145,7 @@ impl LightMapTraversal {
         let mut sum = [0.0; 3];
         if a < b {
             let sigma_t = self.transport.sigma_t;
-            self.transport.shadow_ray::<f64>(ray).lit_stretches(a, b, |start, end| {
+            shadow_ray::<f64>(ray, &self.transport.shadow_map).lit_stretches(a, b, |start, end| {
                 for c in 0..3 {
                     let entering = (-sigma_t[c] * start).exp();
                     sum[c] += entering * super::exponential::extinguished(sigma_t[c] * (end - start));
@@ -185,19 +187,6 @@ impl LightMapTransport {
         clip(cells.origin, cells.slope, self.light_map.size.map(|side| side as f64), 0.0, end)
     }
 
-    fn shadow_ray<F: Real>(&self, ray: &ViewRay) -> ShadowRay<'_, F> {
-        let grid = self.shadow_map.grid();
-        let [origin, slope] = grid_ray(ray, grid);
-        ShadowRay {
-            map: &self.shadow_map,
-            origin: [F::of(origin.x), F::of(origin.y)],
-            slope: [F::of(slope.x), F::of(slope.y)],
-            inverse: [F::of(1.0 / slope.x), F::of(1.0 / slope.y)],
-            depth: F::of(ray.origin.z - self.shadow_map.depth_origin()),
-            depth_slope: F::of(ray.direction.z),
-        }
-    }
-
     #[inline]
     fn walk<F: Real, const C: usize, W: Window<F, C>>(
         &self,
@@ -211,7 +200,7 @@ impl LightMapTransport {
         let at = |t: F| std::array::from_fn(|c| scattering[c] * (-sigma_t[c] * t).exp());
         let cells = CellRay::<F>::new(ray, &self.light_map, W::SHIFT, W::EXTRA);
         let mut window = W::new(self.light_map.size);
-        self.shadow_ray(ray).lit_stretches(F::of(enter), F::of(leave), |a, b| match self.quadrature {
+        let mut integrate = |a: F, b: F| match self.quadrature {
             Quadrature::Exact => {
                 let mut strength: [F; C] = at(a);
                 cells.pieces(a, b, |piece, length| {
@@ -232,8 +221,31 @@ impl LightMapTransport {
                     window.sample(&cells.at(t), strength, visit);
                 }
             }
-        });
+        };
+        let lit = shadow_ray::<F>(ray, &self.shadow_map);
+        match &self.mask {
+            None => lit.lit_stretches(F::of(enter), F::of(leave), integrate),
+            Some(mask) => {
+                let mask = shadow_ray::<F>(ray, mask);
+                lit.lit_stretches(F::of(enter), F::of(leave), |a, b| {
+                    mask.lit_stretches(a, b, &mut integrate)
+                });
+            }
+        }
         window.finish(visit);
+    }
+}
+
+/// A view ray in the texels and depths of a shadow map.
+fn shadow_ray<'a, F: Real>(ray: &ViewRay, map: &'a ShadowMap) -> ShadowRay<'a, F> {
+    let [origin, slope] = grid_ray(ray, map.grid());
+    ShadowRay {
+        map,
+        origin: [F::of(origin.x), F::of(origin.y)],
+        slope: [F::of(slope.x), F::of(slope.y)],
+        inverse: [F::of(1.0 / slope.x), F::of(1.0 / slope.y)],
+        depth: F::of(ray.origin.z - map.depth_origin()),
+        depth_slope: F::of(ray.direction.z),
     }
 }
 

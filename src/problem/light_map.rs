@@ -223,6 +223,7 @@ pub(super) fn transport(scene: &Scene, maps: &Maps, quadrature: Quadrature) -> L
         basis: scene.solve.basis,
         quadrature,
         transmittance_bound: scene.solve.transmittance_bound,
+        mask: None,
     }
 }
 

@@ -7,7 +7,7 @@ use super::Maps;
 use super::light_map::{rgb, transport};
 use crate::cpu;
 use crate::march::{LightMapTraversal, ViewRay};
-use crate::scene::{Basis, Grid, Hit, Image, Ray, Rgb, Scene};
+use crate::scene::{Basis, Grid, Hit, Image, Ray, Rgb, Scene, ShadowMap};
 use crate::{Error, Result};
 
 /// Rows of pixels whose rays are held at once.
@@ -29,12 +29,9 @@ pub struct Rendering {
 /// scatters, so that pictures can be read.
 ///
 /// Errors: [`Error::Shape`] for a light map of another size, [`Error::NonFinite`] naming the pixel.
-/// Cost    two walks a pixel: one through lit stretches, one through texels
+/// Cost    two walks a pixel: one through lit stretches, one through texels that differ from the light's radiance
 pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize) -> Result<Rendering> {
-    if let Some(texels) = light_map.filter(|texels| texels.len() != maps.light_map.len()) {
-        let (expected, got) = (maps.light_map.len(), texels.len());
-        return Err(Error::Shape { what: "the light map", expected, got });
-    }
+    let changed = light_map.map(|texels| Changed::new(scene, maps, texels)).transpose()?;
     let camera = &scene.views[view].camera;
     let [width, height] = camera.size();
     let mut pixels: Vec<[Rgb; 2]> = Vec::with_capacity(width * height);
@@ -47,7 +44,7 @@ pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize
                 (ray, scene.geometry.first_hit(&ray, f64::INFINITY))
             })
             .collect();
-        pixels.extend(render_pixels(scene, maps, light_map, &seen));
+        pixels.extend(render_pixels(scene, maps, changed.as_ref(), &seen));
     }
     let name = &scene.views[view].name;
     let picture = |which: usize| {
@@ -57,11 +54,38 @@ pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize
     Ok(Rendering { before: picture(0)?, after: picture(1)? })
 }
 
+/// A light map as its difference to the light's own radiance.
+struct Changed {
+    difference: Vec<Rgb>,
+    /// Where the difference is not zero, one texel of the basis' support around it included.
+    mask: Arc<ShadowMap>,
+}
+
+impl Changed {
+    fn new(scene: &Scene, maps: &Maps, texels: &[Rgb]) -> Result<Self> {
+        let grid = maps.light_map;
+        if texels.len() != grid.len() {
+            return Err(Error::Shape { what: "the light map", expected: grid.len(), got: texels.len() });
+        }
+        let start = scene.light.radiance;
+        let difference: Vec<Rgb> = texels.iter().map(|texel| rgb(|c| texel[c] - start[c])).collect();
+        let [width, height] = grid.size;
+        let mut near = vec![false; grid.len()];
+        for (index, _) in difference.iter().enumerate().filter(|(_, change)| **change != [0.0; 3]) {
+            let (i, j) = (index % width, index / width);
+            for j in j.saturating_sub(1)..(j + 2).min(height) {
+                near[j * width + i.saturating_sub(1)..j * width + (i + 2).min(width)].fill(true);
+            }
+        }
+        Ok(Self { difference, mask: Arc::new(ShadowMap::mask(grid, &near)?) })
+    }
+}
+
 /// Before and after of some pixels.
 fn render_pixels(
     scene: &Scene,
     maps: &Maps,
-    light_map: Option<&[Rgb]>,
+    changed: Option<&Changed>,
     seen: &[(Ray, Option<Hit>)],
 ) -> Vec<[Rgb; 2]> {
     let rays: Arc<[ViewRay]> = seen
@@ -71,7 +95,9 @@ fn render_pixels(
             ViewRay::new(ray, length, &maps.frame, &scene.medium)
         })
         .collect();
-    let traversal = LightMapTraversal::new(transport(scene, maps, scene.solve.quadrature), rays);
+    let mut transport = transport(scene, maps, scene.solve.quadrature);
+    transport.mask = changed.map(|changed| changed.mask.clone());
+    let traversal = LightMapTraversal::new(transport, rays);
     let start = scene.light.radiance;
     (0..seen.len())
         .into_par_iter()
@@ -83,13 +109,12 @@ fn render_pixels(
             let before = rgb(|c| {
                 ambient[c] + lit[c] as f32 * start[c] + sun.map_or(0.0, |(_, share)| share[c] * start[c])
             });
-            let Some(texels) = light_map else { return [before; 2] };
-            let outside = traversal.surrounding_weight(row);
-            let inside = gather(scene, &traversal, row, texels);
-            let incident = sun.map(|(point, _)| lookup(maps, scene.solve.basis, texels, point, start));
+            let Some(Changed { difference, .. }) = changed else { return [before; 2] };
+            let scattered = gather(scene, &traversal, row, difference);
+            let incident =
+                sun.map(|(point, share)| (share, lookup(maps, scene.solve.basis, difference, point)));
             let after = rgb(|c| {
-                let surface = sun.zip(incident).map_or(0.0, |((_, share), light)| share[c] * light[c]);
-                ambient[c] + inside[c] + outside[c] as f32 * start[c] + surface
+                before[c] + scattered[c] + incident.map_or(0.0, |(share, light)| share[c] * light[c])
             });
             [before, after]
         })
@@ -135,14 +160,14 @@ fn sunlight(scene: &Scene, ray: &Ray, hit: &Hit) -> Option<(DVec3, Rgb)> {
     ))
 }
 
-/// The light map at a world-space point; outside it the light keeps its radiance.
-fn lookup(maps: &Maps, basis: Basis, texels: &[Rgb], point: DVec3, outside: Rgb) -> Rgb {
+/// The texels' value at a world-space point; zero outside them.
+fn lookup(maps: &Maps, basis: Basis, texels: &[Rgb], point: DVec3) -> Rgb {
     let grid: &Grid = &maps.light_map;
     let p = maps.frame.light_from_world(point);
     let p = grid.grid_from_light(DVec2::new(p.x, p.y));
     let size = DVec2::new(grid.size[0] as f64, grid.size[1] as f64);
     if p.cmplt(DVec2::ZERO).any() || p.cmpge(size).any() {
-        return outside;
+        return [0.0; 3];
     }
     let texel = |x: f64, y: f64| texels[y as usize * grid.size[0] + x as usize];
     match basis {

@@ -64,6 +64,14 @@ impl ShadowMap {
         Self::new(grid, start, &depths)
     }
 
+    /// A map that light passes where `passes` says so, whatever the depth, and nowhere else.
+    ///
+    /// Errors: [`Error::Shape`] for a wrong number of texels.
+    pub fn mask(grid: Grid, passes: &[bool]) -> Result<Self> {
+        let depth = |&passes: &bool| if passes { f32::INFINITY } else { f32::NEG_INFINITY };
+        Self::new(grid, 0.0, &passes.iter().map(depth).collect::<Vec<f32>>())
+    }
+
     /// A map that blocks nothing.
     pub fn open(grid: Grid) -> Self {
         let top = Level { size: [1, 1], ranges: vec![[f32::INFINITY; 2]] };

@@ -9,6 +9,7 @@
 
 mod layers;
 mod operator;
+mod render;
 mod scenes;
 mod solve;
 mod tolerances;

@@ -71,6 +71,7 @@ pub fn random(seed: u64, rays: usize, basis: Basis, quadrature: Quadrature) -> L
         basis,
         quadrature,
         transmittance_bound: f64::powi(2.0, -24),
+        mask: None,
     };
     LightMapTraversal::new(transport, rays.into())
 }

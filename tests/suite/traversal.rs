@@ -158,6 +158,7 @@ fn simple(size: usize, basis: Basis, depths: &[f32], ray: ViewRay, sigma: f64) -
         basis,
         quadrature: Quadrature::Exact,
         transmittance_bound: 1e-300,
+        mask: None,
     };
     LightMapTraversal::new(transport, Arc::new([ray]))
 }
