@@ -21,7 +21,7 @@ pub(crate) fn document() -> Document {
     let light = Light { direction: Some(SUN), gltf: None, radiance: Some(Channels::Rgb([30.0, 26.5, 22.0])) };
     let medium = Medium { sigma_t: Channels::Grey(0.018), albedo: Channels::Grey(0.95), g: 0.2 };
     let views = vec![
-        view("court", [3.5, 2.2, 11.0], [0.5, 7.6, -24.0], 70.0),
+        view("court", [3.5, 2.2, 12.0], [0.5, 10.4, -24.0], 76.0),
         view("wall-walk", [25.5, 13.5, -7.0], [-8.0, 3.0, -15.0], 66.0),
         view("balcony", [11.0, 8.2, 3.0], [-5.5, 6.0, -22.0], 66.0),
     ];

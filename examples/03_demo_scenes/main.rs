@@ -12,7 +12,10 @@ use unscatter::io::scene_file::{self, Document};
 use unscatter::problem;
 
 mod citadel;
+mod forest;
+mod glb;
 mod nave;
+mod numbers;
 mod painter;
 mod stage;
 
@@ -22,6 +25,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let citadel =
         Demo { document: citadel::document(), shafts: citadel::shafts(), share: 0.5, pixels: 41_240 };
     citadel.write(&folder.join("citadel.json"))?;
+    std::fs::write(folder.join("forest.glb"), forest::model()?)?;
+    let forest = Demo { document: forest::document(), shafts: forest::shafts(), share: 0.45, pixels: 40_000 };
+    forest.write(&folder.join("forest.json"))?;
     let nave = Demo { document: nave::document(), shafts: nave::shafts(), share: 0.5, pixels: 60_000 };
     nave.write(&folder.join("nave.json"))?;
     Ok(())
