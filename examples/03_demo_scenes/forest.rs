@@ -50,7 +50,7 @@ pub(crate) fn document() -> Document {
     document.light_map.size = MapSize::Square(512);
     let ground = [DVec3::new(-12.0, 0.0, -15.0), DVec3::new(10.0, 0.01, 0.0)];
     document.light_map.extent = Some(map_extent(sun, ground));
-    let wood = [DVec3::new(-50.0, 0.0, -105.0), DVec3::new(50.0, 13.0, 14.0)];
+    let wood = [DVec3::new(-52.0, 0.0, -70.0), DVec3::new(52.0, 13.0, 14.0)];
     document.shadow_map = shadow_map(2048, sun, wood);
     let mut stage = Stage::new(MOSS);
     stage.ground([[-90.0, 90.0], [-90.0, 90.0]], 0.0);
@@ -64,13 +64,18 @@ pub(crate) fn document() -> Document {
     document
 }
 
-/// The wood goes on all around: roofs of leaves that are too far away to be more than dark.
+/// The wood goes on all around: roofs of leaves that are too far away to be more than dark, and thickets before
+/// which views end inside the shadow map.
 fn far_canopy(stage: &mut Stage) {
     stage.of([0.03, 0.04, 0.02]);
     stage.ground([[-90.0, 90.0], [-150.0, -33.5]], 10.0);
     for x in [[-90.0, -24.0], [16.0, 90.0]] {
-        stage.ground([x, [-34.0, 40.0]], 11.0);
+        stage.ground([x, [-42.0, 40.0]], 11.0);
     }
+    for x in [[-49.0, -46.0], [46.0, 49.0]] {
+        stage.block([x, [0.0, 9.0], [-65.0, 30.0]]);
+    }
+    stage.block([[-49.0, 49.0], [0.0, 9.0], [-66.0, -63.0]]);
 }
 
 /// The file `forest.glb`: leaves and trunks.
@@ -164,7 +169,7 @@ pub(crate) fn shafts() -> Vec<Shaft> {
         let ground = DVec3::new(x, 0.0, z);
         // The lower edge of the canopy.
         let from = ground - sun * (CANOPY[0] / -sun.y);
-        Shaft { from, half: [radius; 2], along: [0.5, 20.0], color }
+        Shaft { from, half: [radius; 2], along: [1.0, 7.0], color, otherwise: None }
     };
     GAPS.into_iter().map(shaft).collect()
 }

@@ -26,9 +26,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         Demo { document: citadel::document(), shafts: citadel::shafts(), share: 0.5, pixels: 41_240 };
     citadel.write(&folder.join("citadel.json"))?;
     std::fs::write(folder.join("forest.glb"), forest::model()?)?;
-    let forest = Demo { document: forest::document(), shafts: forest::shafts(), share: 0.45, pixels: 40_000 };
+    let forest = Demo { document: forest::document(), shafts: forest::shafts(), share: 0.45, pixels: 50_000 };
     forest.write(&folder.join("forest.json"))?;
-    let nave = Demo { document: nave::document(), shafts: nave::shafts(), share: 0.5, pixels: 60_000 };
+    let nave = Demo { document: nave::document(), shafts: nave::shafts(), share: 0.65, pixels: 60_000 };
     nave.write(&folder.join("nave.json"))?;
     Ok(())
 }

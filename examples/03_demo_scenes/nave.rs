@@ -131,6 +131,7 @@ pub(crate) fn shafts() -> Vec<Shaft> {
         half,
         along: [1.5, 6.5],
         color,
+        otherwise: None,
     };
     let glass = WINDOWS
         .into_iter()

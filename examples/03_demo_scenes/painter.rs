@@ -16,6 +16,8 @@ pub(crate) struct Shaft {
     /// How far from the opening it is painted, in metres, and how far at most.
     pub(crate) along: [f64; 2],
     pub(crate) color: [u8; 3],
+    /// A view that disagrees, and the colour there.
+    pub(crate) otherwise: Option<(usize, [u8; 3])>,
 }
 
 /// Points that are looked at along a shaft.
@@ -56,8 +58,12 @@ fn stroke(scene: &Scene, view: usize, shaft: &Shaft, share: f64, brush: f64) -> 
     } else {
         [first, middle, last].iter().map(|p| [tenths(p.x), tenths(p.y)]).collect()
     };
+    let color = match shaft.otherwise {
+        Some((other, color)) if other == view => color,
+        _ => shaft.color,
+    };
     let radius = tenths((brush * radius).max(2.0));
-    Some(Stroke { points, radius, hardness: 0.8, opacity: 1.0, color: Paint::Hex(shaft.color) })
+    Some(Stroke { points, radius, hardness: 0.8, opacity: 1.0, color: Paint::Hex(color) })
 }
 
 /// Where a point of a shaft is in the picture and how wide the shaft is there, in pixels; none when it is hidden or
