@@ -6,25 +6,52 @@
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use unscatter::io::scene_file::{self, Document};
 use unscatter::problem;
 
 mod citadel;
+mod forest;
+mod glb;
 mod nave;
+mod numbers;
 mod painter;
 mod stage;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("strokes"), PathBuf::from);
     std::fs::create_dir_all(&folder)?;
-    let citadel =
-        Demo { document: citadel::document(), shafts: citadel::shafts(), share: 0.5, pixels: 41_240 };
-    citadel.write(&folder.join("citadel.json"))?;
-    let nave = Demo { document: nave::document(), shafts: nave::shafts(), share: 0.5, pixels: 60_000 };
-    nave.write(&folder.join("nave.json"))?;
-    Ok(())
+    std::fs::write(folder.join("forest.glb"), forest::model()?)?;
+    let demos = [
+        // As many pixels as Kol 2017, fig. 17.
+        Demo {
+            document: citadel::document(),
+            shafts: citadel::shafts(),
+            share: 0.42,
+            brush: 0.39,
+            pixels: 40_500..=42_500,
+        },
+        Demo {
+            document: forest::document(),
+            shafts: forest::shafts(),
+            share: 0.45,
+            brush: 0.56,
+            pixels: 45_000..=55_000,
+        },
+        Demo {
+            document: nave::document(),
+            shafts: nave::shafts(),
+            share: 0.65,
+            brush: 0.42,
+            pixels: 50_000..=65_000,
+        },
+    ];
+    demos.into_iter().zip(["citadel", "forest", "nave"]).try_for_each(|(demo, name)| {
+        let path = folder.join(name).with_extension("json");
+        demo.write(&path)
+    })
 }
 
 /// A scene, and what is to be painted on it.
@@ -33,27 +60,26 @@ struct Demo {
     shafts: Vec<painter::Shaft>,
     /// How much of the light of a pixel must come from a shaft for it to be painted there.
     share: f64,
-    /// About how many pixels are to be painted.
-    pixels: usize,
+    /// Half the width of the strokes, relative to half the width of their shafts.
+    brush: f64,
+    /// How many pixels that should paint.
+    pixels: RangeInclusive<usize>,
 }
 
 impl Demo {
-    /// Writes the scene, looks at it, and paints it with the brush that covers as many pixels as are wanted.
+    /// Writes the scene, looks at it, paints, and writes it again.
     fn write(mut self, path: &Path) -> Result<(), Box<dyn Error>> {
         std::fs::write(path, scene_file::write(&self.document)?)?;
         let scene = scene_file::load(path, &[])?;
-        let [mut narrow, mut wide] = [0.05, 2.0];
-        let mut painted = 0;
-        for _ in 0..12 {
-            let brush = 0.5 * (narrow + wide);
-            for (index, view) in self.document.views.iter_mut().enumerate() {
-                view.strokes = painter::strokes(&scene, index, &self.shafts, self.share, brush);
-            }
-            std::fs::write(path, scene_file::write(&self.document)?)?;
-            painted = problem::constraints(&scene_file::load(path, &[])?)?.0.len();
-            if painted < self.pixels { narrow = brush } else { wide = brush }
+        for (index, view) in self.document.views.iter_mut().enumerate() {
+            view.strokes = painter::strokes(&scene, index, &self.shafts, self.share, self.brush);
         }
-        println!("{}: {painted} pixels painted, brush {narrow:.3}", path.display());
+        std::fs::write(path, scene_file::write(&self.document)?)?;
+        let painted = problem::constraints(&scene_file::load(path, &[])?)?.0.len();
+        println!("{}: {painted} pixels painted", path.display());
+        if !self.pixels.contains(&painted) {
+            return Err(format!("{painted} pixels are painted where {:?} are wanted", self.pixels).into());
+        }
         Ok(())
     }
 }

@@ -50,7 +50,7 @@ pub(crate) fn document() -> Document {
 
 fn church_of_stone() -> Stage {
     let mut stage = Stage::new(FLOOR);
-    stage.ground([[-90.0, 90.0], [-90.0, 90.0]], 0.0);
+    stage.ground([[-22.0, 13.0], [-9.6, 9.6]], 0.0);
     south_wall(&mut stage);
     // North wall, vault, ends.
     stage.of(WALL).block([SOUTH.x, SOUTH.y, [9.0, 9.6]]);
@@ -114,7 +114,7 @@ fn rose(stage: &mut Stage) {
         stage.block([x, [ROSE_MIDDLE + half, top], z]);
     }
     stage.disc([ROSE, ROSE_MIDDLE, -9.3], 0.55, 0.2);
-    for [a, b] in [[1.0, 0.0], [0.0, 1.0], [0.7071, 0.7071], [0.7071, -0.7071]] {
+    for [a, b] in [[1.0, 0.0], [0.0, 1.0], [0.707, 0.707], [0.707, -0.707]] {
         stage.bar([ROSE, ROSE_MIDDLE, -9.3], [a * ROSE_RADIUS, b * ROSE_RADIUS, 0.0], 0.07);
         for side in [-1.0, 1.0] {
             let [u, v] =
@@ -129,15 +129,16 @@ pub(crate) fn shafts() -> Vec<Shaft> {
     let shaft = |x: f64, y: f64, half: [f64; 2], color: [u8; 3]| Shaft {
         from: DVec3::new(x, y, SOUTH.z[1]),
         half,
-        along: [1.5, 6.5],
+        along: [1.5, 8.0],
         color,
+        otherwise: None,
     };
     let glass = WINDOWS
         .into_iter()
         .zip(GLASS)
         .flat_map(|(x, color)| [5.6, 8.4, 11.2].map(|y| shaft(x, y, [1.1, 5.0], color)));
     let rose = [
-        shaft(ROSE, 11.6, [0.9; 2], [0xff, 0xd0, 0x40]),
+        shaft(ROSE, 11.6, [0.9, 1.0], [0xff, 0xd0, 0x40]),
         shaft(ROSE, 13.3, [0.8; 2], [0xe8, 0x30, 0x70]),
         shaft(ROSE, 9.9, [0.8; 2], [0x30, 0x50, 0xf0]),
     ];

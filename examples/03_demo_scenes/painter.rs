@@ -16,6 +16,8 @@ pub(crate) struct Shaft {
     /// How far from the opening it is painted, in metres, and how far at most.
     pub(crate) along: [f64; 2],
     pub(crate) color: [u8; 3],
+    /// A view that disagrees, and the colour there.
+    pub(crate) otherwise: Option<(usize, [u8; 3])>,
 }
 
 /// Points that are looked at along a shaft.
@@ -39,7 +41,7 @@ fn stroke(scene: &Scene, view: usize, shaft: &Shaft, share: f64, brush: f64) -> 
     let mut run = Vec::new();
     for step in 0..=STEPS {
         let t = shaft.along[0] + (end - shaft.along[0]) * step as f64 / STEPS as f64;
-        match clear(scene, view, shaft, down.at(t), share) {
+        match clear(scene, view, shaft, down.at(t), share, brush) {
             Some(seen) => run.push(seen),
             None => run.clear(),
         }
@@ -56,13 +58,24 @@ fn stroke(scene: &Scene, view: usize, shaft: &Shaft, share: f64, brush: f64) -> 
     } else {
         [first, middle, last].iter().map(|p| [tenths(p.x), tenths(p.y)]).collect()
     };
+    let color = match shaft.otherwise {
+        Some((other, color)) if other == view => color,
+        _ => shaft.color,
+    };
     let radius = tenths((brush * radius).max(2.0));
-    Some(Stroke { points, radius, hardness: 0.8, opacity: 1.0, color: Paint::Hex(shaft.color) })
+    Some(Stroke { points, radius, hardness: 0.8, opacity: 1.0, color: Paint::Hex(color) })
 }
 
 /// Where a point of a shaft is in the picture and how wide the shaft is there, in pixels; none when it is hidden or
 /// lost among other light.
-fn clear(scene: &Scene, view: usize, shaft: &Shaft, point: DVec3, share: f64) -> Option<(DVec2, f64)> {
+fn clear(
+    scene: &Scene,
+    view: usize,
+    shaft: &Shaft,
+    point: DVec3,
+    share: f64,
+    brush: f64,
+) -> Option<(DVec2, f64)> {
     let camera = &scene.views[view].camera;
     let [width, height] = camera.size().map(|side| side as f64);
     let pixel = camera.project(point)?;
@@ -70,12 +83,19 @@ fn clear(scene: &Scene, view: usize, shaft: &Shaft, point: DVec3, share: f64) ->
         return None;
     }
     let ray = camera.ray(pixel.x, pixel.y);
-    let distance = point.distance(ray.origin);
-    if scene.geometry.blocks(&ray, distance) {
+    if scene.geometry.blocks(&ray, point.distance(ray.origin)) {
         return None;
     }
     let beside = camera.project(point + shaft.half[0] * ray.direction.any_orthonormal_vector())?;
-    (clarity(scene, shaft, &ray) >= share).then(|| (pixel, beside.distance(pixel)))
+    let radius = beside.distance(pixel);
+    // Nobody paints the sky: all of the brush is before a surface.
+    let is_before_surface = |[x, y]: [f64; 2]| {
+        let ray = camera.ray(pixel.x + brush * radius * x, pixel.y + brush * radius * y);
+        scene.geometry.first_hit(&ray, f64::INFINITY).is_some()
+    };
+    let rim = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
+    let is_clear = rim.into_iter().all(is_before_surface) && clarity(scene, shaft, &ray) >= share;
+    is_clear.then_some((pixel, radius))
 }
 
 /// The share of the light scattered along a view ray that comes from within a shaft.

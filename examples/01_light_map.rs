@@ -1,0 +1,100 @@
+//! From painted strokes to a light map, in one file: `cargo run --release --example 01_light_map -- DIR`.
+//!
+//! What one learns: a scene is plain data (light, medium, geometry, views with strokes); [`LightMapProblem`] turns it
+//! into rows and targets; `solve` finds the light map; `assess` says how well it does; `render` draws with it.
+
+#![allow(clippy::print_stdout)]
+
+use std::path::PathBuf;
+
+use glam::{DAffine3, DVec3};
+use unscatter::io::image::write_png;
+use unscatter::operator::CpuVector;
+use unscatter::problem::{LightMapProblem, assess, render, solve};
+use unscatter::scene::{
+    Camera, DirectionalLight, FovAxis, Geometry, Image, MapSettings, Medium, Primitive, Scene, SolveSettings,
+    Stroke, Target, View, look_at,
+};
+use unscatter::solve::Control;
+
+/// A barn: a floor, three walls, and a roof of slats.
+fn barn() -> unscatter::Result<Geometry> {
+    let [along, across] = [DVec3::new(0.0, 0.0, 24.0), DVec3::new(30.0, 0.0, 0.0)];
+    let floor = Primitive::Plane { centre: DVec3::ZERO, sides: [along, across] };
+    let mut mesh = floor.mesh([0.05; 3])?;
+    let mut add = |centre: [f64; 3], size: [f64; 3]| -> unscatter::Result<()> {
+        let block = Primitive::Box { centre: centre.into(), size: size.into() };
+        mesh.append(block.mesh([0.2; 3])?, DAffine3::IDENTITY);
+        Ok(())
+    };
+    add([-9.0, 4.0, 0.0], [1.0, 8.0, 24.0])?;
+    add([3.0, 4.0, -11.5], [24.0, 8.0, 1.0])?;
+    add([3.0, 4.0, 11.5], [24.0, 8.0, 1.0])?;
+    for slat in -5..=5 {
+        add([3.0, 8.0, 2.2 * f64::from(slat)], [24.0, 0.2, 1.8])?;
+    }
+    Geometry::new(mesh)
+}
+
+/// A stroke of 12 pixels half width; the colour is linear.
+fn stroke(points: [[f32; 2]; 2], color: [f32; 3]) -> Stroke {
+    Stroke { points: points.to_vec(), radius: 12.0, hardness: 0.8, opacity: 1.0, color }
+}
+
+/// The barn from inside, two of its shafts painted.
+fn scene() -> unscatter::Result<Scene> {
+    let eye = look_at(DVec3::new(13.0, 2.4, 1.7), DVec3::new(0.0, 3.6, 0.3), DVec3::Y)?;
+    let view = View {
+        name: "side".to_owned(),
+        camera: Camera::new(eye, 60.0, FovAxis::X, [320, 180])?,
+        strokes: vec![
+            stroke([[96.0, 60.0], [78.0, 120.0]], [1.0, 0.25, 0.02]),
+            stroke([[214.0, 60.0], [196.0, 120.0]], [0.05, 0.3, 1.0]),
+        ],
+        layers: Vec::new(),
+    };
+    Ok(Scene {
+        name: "barn".to_owned(),
+        light: DirectionalLight::new(DVec3::new(0.05, -1.0, 0.3), [40.0; 3])?,
+        medium: Medium::new([0.04; 3], [0.9; 3], 0.2)?,
+        geometry: barn()?,
+        ambient: [0.02; 3],
+        views: vec![view],
+        // Without an extent a map is fitted to what is seen.
+        light_map: MapSettings { size: [128, 128], extent: None },
+        shadow_map: MapSettings { size: [512, 512], extent: None },
+        target: Target::Tint,
+        solve: SolveSettings::default(),
+        exposure: 0.0,
+    })
+}
+
+fn main() -> unscatter::Result<()> {
+    let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("out"), PathBuf::from);
+    let scene = scene()?;
+
+    // Rows (painted pixels), unknowns (texels) and targets; then T, kept in memory up to 1 GiB.
+    let problem = LightMapProblem::new(&scene)?;
+    let operator = problem.operator(&scene, 1 << 30)?;
+    // How much each texel is seen; texels that no painted ray reaches stay as they are.
+    let coverage = operator.squares(&problem.weights())?;
+
+    let solved = solve(&problem, &operator, &coverage, &scene.solve, None, |_, _, _| Ok(Control::Continue))?;
+    let start = CpuVector(vec![problem.start; problem.maps.light_map.len()]);
+    let (before, _) = assess(&problem, &operator, &start, scene.views.len())?;
+    let (after, _) = assess(&problem, &operator, &CpuVector(solved.light_map.clone()), scene.views.len())?;
+    println!("{} painted pixels, stopped at {:?}", problem.constraints.len(), solved.outcome.stop);
+    println!("residual {:.3} before, {:.3} after", before.residual, after.residual);
+
+    std::fs::create_dir_all(&folder).map_err(|source| unscatter::Error::File {
+        action: "create the folder",
+        path: folder.clone(),
+        source,
+    })?;
+    let pictures = render(&scene, &problem.maps, Some(&solved.light_map), 0)?;
+    let light_map = Image::new(problem.maps.light_map.size, solved.light_map)?;
+    // Stops of exposure: the light map holds radiances around 40.
+    write_png(&folder.join("light_map.png"), &light_map, -5.0)?;
+    write_png(&folder.join("before.png"), &pictures.before, scene.exposure)?;
+    write_png(&folder.join("after.png"), &pictures.after, scene.exposure)
+}
