@@ -14,7 +14,7 @@ use glam::{DVec2, DVec3};
 use unscatter::cpu::{Transport, WalkPlan};
 use unscatter::io::image::write_png;
 use unscatter::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use unscatter::operator::{CpuVector, Identity, LinearOperator, Scaled, Stacked, Vector, adjoint_test};
+use unscatter::operator::{CpuVector, Identity, LinearOperator, Stacked, Vector, adjoint_test};
 use unscatter::scene::{
     Basis, Camera, Extent, FovAxis, Grid, Image, LightFrame, Medium, Quadrature, ShadowMap, Strategy, look_at,
 };
@@ -42,6 +42,7 @@ fn traversal() -> unscatter::Result<LightMapTraversal> {
         basis: Basis::Bilinear,
         quadrature: Quadrature::Exact,
         transmittance_bound: f64::powi(2.0, -24),
+        mask: None,
     };
     let eye = look_at(DVec3::new(0.0, 1.0, 9.0), DVec3::ZERO, DVec3::Y)?;
     let camera = Camera::new(eye, 50.0, FovAxis::X, [96, 64])?;
@@ -91,7 +92,7 @@ fn main() -> unscatter::Result<()> {
 
     // min ½‖T x − b‖² + ½ λ ‖x‖² is the plain problem of T stacked on √λ times the identity.
     let start = operator.domain();
-    let regularized = Stacked::new(&operator, Scaled::new(Identity::new(&start), [LAMBDA.sqrt(); 3]))?;
+    let regularized = Stacked::new(&operator, Identity::scaled(&start, [LAMBDA.sqrt(); 3]))?;
     let rhs = (picture, start.zeros_like());
     let problem = LeastSquares { operator: &regularized, rhs: &rhs };
     let mut method = Cgls::new(&regularized);
@@ -105,7 +106,7 @@ fn main() -> unscatter::Result<()> {
     println!("stopped by {} after {}", outcome.stop.reason.name(), outcome.stop.iteration);
 
     // The same method on the explicit matrix finds the same light map.
-    let pull = Scaled::new(Identity::new(&explicit.domain()), [LAMBDA.sqrt(); 3]);
+    let pull = Identity::scaled(&explicit.domain(), [LAMBDA.sqrt(); 3]);
     let regularized = Stacked::new(&explicit, pull)?;
     let rhs = (y, explicit.domain());
     let mut check = Cgls::new(&regularized);

@@ -93,7 +93,7 @@ impl Findings<'_> {
             ("tolerance", solve.tolerance.to_string()),
             ("transmittance_bound", format!("{:.1e}", solve.transmittance_bound)),
             ("shadow_map", format!("{} × {} texels", shadow_map[0], shadow_map[1])),
-            ("restarts", self.solved.outcome.restarts.to_string()),
+            ("restarts", self.solved.outcome.history.restarts.to_string()),
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .into()

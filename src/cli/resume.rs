@@ -23,7 +23,8 @@ impl Keeper {
     }
 
     pub(super) fn write(&self, history: &History, state: &State) -> Result<()> {
-        let start = [history.start.residual, history.start.normal_residual].concat();
+        let [r, s] = [history.start.residual, history.start.normal_residual];
+        let start = [&r[..], &s[..], &[history.restarts as f64, history.least_true]].concat();
         let entries = history.progress.iter().flat_map(|entry| {
             let [r, s] = [entry.residual, entry.normal_residual];
             let counts = [entry.iteration as f64, entry.seconds, entry.operator_applications as f64];
@@ -38,7 +39,7 @@ impl Keeper {
         let wrong = || Error::Checkpoint { path: self.path.clone(), reason: "it is incomplete".to_owned() };
         let checkpoint = Checkpoint::read(&self.path, self.fingerprint)?;
         let [start, entries, scalars, vectors @ ..] = &checkpoint.blocks[..] else { return Err(wrong()) };
-        let &[r0, r1, r2, s0, s1, s2] = &start[..] else { return Err(wrong()) };
+        let &[r0, r1, r2, s0, s1, s2, restarts, least_true] = &start[..] else { return Err(wrong()) };
         let (entries, rest) = entries.as_chunks::<ENTRY>();
         if entries.is_empty() || !rest.is_empty() {
             return Err(wrong());
@@ -52,7 +53,8 @@ impl Keeper {
                 normal_residual: [s0, s1, s2],
             });
         let start = Measure { residual: [r0, r1, r2], normal_residual: [s0, s1, s2] };
-        let history = History { progress: progress.collect(), start };
+        let history =
+            History { progress: progress.collect(), start, restarts: restarts as usize, least_true };
         let vectors = vectors.iter().map(|vector| vector.as_chunks::<3>().0.to_vec()).collect();
         Ok(Paused { history, state: State { vectors, scalars: scalars.clone() } })
     }
@@ -61,17 +63,39 @@ impl Keeper {
 /// FNV-1a over everything that the path of a solve depends on; limits may change between its parts.
 fn fingerprint(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let settings = &scene.solve;
-    let mut words = vec![
-        format!(
-            "{:?} {:?} {:?} {:?}",
-            settings.solver, settings.basis, settings.quadrature, settings.regularization
-        ),
-        format!("{:?} {:?}", problem.maps.light_map, problem.maps.shadow_map.grid()),
-        format!("{:?} {:?}", scene.medium, scene.light),
-        format!("{:?} {}", settings.strategy, settings.transmittance_bound),
-    ];
-    words.extend(problem.constraints.iter().zip(&problem.targets).map(|row| format!("{row:?}")));
-    words.iter().flat_map(|word| word.bytes()).fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
-    })
+    let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+    let words = format!(
+        "{:?} {:?} {:?} {:?} {:?} {} {:?} {:?} {:?}",
+        settings.solver,
+        settings.basis,
+        settings.quadrature,
+        settings.regularization,
+        settings.strategy,
+        settings.transmittance_bound,
+        problem.maps.light_map,
+        problem.maps.shadow_map.grid(),
+        problem.start,
+    );
+    words.bytes().for_each(|byte| hash.add(byte.into()));
+    for ray in problem.traversal.rays() {
+        let numbers = [ray.origin.to_array(), ray.direction.to_array(), ray.scattering];
+        numbers.iter().flatten().chain([&ray.length]).for_each(|number| hash.add(number.to_bits()));
+    }
+    for (pixel, target) in problem.constraints.iter().zip(&problem.targets) {
+        target.iter().chain([&pixel.weight]).for_each(|number| hash.add(number.to_bits().into()));
+    }
+    let [width, height] = problem.maps.shadow_map.grid().size;
+    (0..width * height).for_each(|k| {
+        hash.add(problem.maps.shadow_map.depth(k % width, k / width).to_bits().into());
+    });
+    scene.medium.sigma_t.iter().for_each(|number| hash.add(number.to_bits()));
+    hash.0
+}
+
+struct Fnv(u64);
+
+impl Fnv {
+    fn add(&mut self, word: u64) {
+        self.0 = (self.0 ^ word).wrapping_mul(0x0000_0100_0000_01b3);
+    }
 }

@@ -25,7 +25,7 @@ pub struct WalkPlan {
 }
 
 impl WalkPlan {
-    /// Walks every few rows of a traversal.
+    /// Walks every few rows of a traversal, at most 4096 of them.
     pub fn new<F: Real, const C: usize>(traversal: &impl Traversal<f64, C>) -> Self {
         let (rows, elements) = (traversal.rows(), traversal.elements());
         let stride = rows.div_ceil(SAMPLES).max(1);
@@ -61,7 +61,7 @@ pub struct Storage {
     pub kept_rows: usize,
     /// Rows that are walked in every application.
     pub walked_rows: usize,
-    /// Non-zeros of the kept rows.
+    /// Non-zeros of the kept rows; not those of rows that are walked.
     pub kept_nonzeros: u64,
     /// Bytes that the kept rows take.
     pub bytes: u64,
@@ -72,7 +72,7 @@ pub struct Storage {
 /// Shapes  x: [elements], y: [rows], three channels each
 /// Law     ⟨T x, y⟩ = ⟨x, Tᵀ y⟩, held by tests/suite/operator.rs
 /// Cost    one multiplication a non-zero that is kept, one walk a row that is not; bit-identical for any
-///         number of threads
+///         number of threads; kept and walked rows agree to rounding, not to the bit
 #[derive(Debug)]
 pub struct Transport<T, F, const C: usize> {
     traversal: T,
@@ -85,7 +85,7 @@ pub struct Transport<T, F, const C: usize> {
 }
 
 impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
-    /// Keeps as many rows as `strategy` and the `budget` in bytes ask for.
+    /// Keeps as many rows as `strategy` and the `budget` in bytes ask for. The plan must be of the same traversal.
     ///
     /// Errors: [`Error::TooLarge`] when all rows must be kept and do not fit.
     pub fn new(traversal: T, plan: &WalkPlan, strategy: Strategy, budget: u64) -> Result<Self> {
@@ -132,6 +132,8 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     }
 
     /// diag(Tᵀ diag(y) T): with constraint weights for y the coverage, and the diagonal of the normal matrix.
+    ///
+    /// Errors: [`Error::Shape`] when there is not one weight a row.
     pub fn squares(&self, y: &CpuVector<F>) -> Result<CpuVector<F>> {
         expect_len("the weights", y, self.traversal.rows())?;
         let mut x = self.domain();

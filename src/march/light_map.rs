@@ -21,7 +21,8 @@ pub struct ViewRay {
 }
 
 impl ViewRay {
-    /// The ray in the frame of a light whose light travels along the frame's third axis.
+    /// The ray in the frame of a light whose light travels along the frame's third axis. `length` is in metres up to
+    /// the first surface, infinite where there is none.
     pub fn new(ray: &Ray, length: f64, frame: &LightFrame, medium: &Medium) -> Self {
         let direction = frame.light_from_world(ray.direction);
         // Light that travels along +w leaves towards the eye, against the view ray.
@@ -38,7 +39,7 @@ impl ViewRay {
 /// What all rays of a light-map problem share.
 #[derive(Debug, Clone)]
 pub struct LightMapTransport {
-    /// Extinction σ_t a channel, in 1/metre.
+    /// Extinction σ_t a channel, in 1/metre; above 0.
     pub sigma_t: [f64; 3],
     /// Which points are lit.
     pub shadow_map: Arc<ShadowMap>,
@@ -48,7 +49,7 @@ pub struct LightMapTransport {
     pub basis: Basis,
     /// How the integral is taken.
     pub quadrature: Quadrature,
-    /// Transmittance at which the rest of a ray is skipped.
+    /// Transmittance at which the rest of a ray is skipped; inside (0, 1).
     pub transmittance_bound: f64,
     /// Where texels are worth a visit, as a map that light passes there and nowhere else; everywhere without it.
     pub mask: Option<Arc<ShadowMap>>,
@@ -61,7 +62,7 @@ pub struct RowExtent {
     pub texels: f64,
     /// The lit part of it; the rest is skipped.
     pub lit_texels: f64,
-    /// Whether it ends before its surface, because the transmittance is below the bound.
+    /// Whether it ends before its surface (rays without one do not count), because the transmittance is below the bound.
     pub cut_off: bool,
 }
 
@@ -95,14 +96,15 @@ impl LightMapTraversal {
         &self.transport
     }
 
-    /// The weight of all light on a row, inside and outside the light map: the row sum of an unbounded map.
+    /// The weight of all light on a row, inside and outside the light map: the row sum of an unbounded map, exact
+    /// whatever the quadrature. Outside the shadow map everything is lit.
     ///
     /// It walks lit stretches only, so a picture under constant light costs no walk through texels.
     pub fn lit_weight(&self, row: usize) -> [f64; 3] {
         self.weight_between(&self.rays[row], 0.0, self.end(&self.rays[row]))
     }
 
-    /// The weight of light that reaches the row from outside the light map.
+    /// The weight of light that reaches the row from outside the light map, exact whatever the quadrature.
     pub fn surrounding_weight(&self, row: usize) -> [f64; 3] {
         let (ray, end) = (&self.rays[row], self.end(&self.rays[row]));
         match self.transport.inside(ray, end) {
@@ -115,7 +117,7 @@ impl LightMapTraversal {
         }
     }
 
-    /// The weight of light that reaches the row from inside the light map: the row sum.
+    /// The weight of light that reaches the row from inside the light map: the row sum of the exact quadrature.
     pub fn inside_weight(&self, row: usize) -> [f64; 3] {
         let (all, outside) = (self.lit_weight(row), self.surrounding_weight(row));
         std::array::from_fn(|c| all[c] - outside[c])
@@ -199,11 +201,12 @@ impl LightMapTransport {
         let scattering: [F; C] = std::array::from_fn(|c| F::of(ray.scattering[c]));
         let at = |t: F| std::array::from_fn(|c| scattering[c] * (-sigma_t[c] * t).exp());
         let cells = CellRay::<F>::new(ray, &self.light_map, W::SHIFT, W::EXTRA);
+        let mut reached = cells.cell(F::of(enter));
         let mut window = W::new(self.light_map.size);
         let mut integrate = |a: F, b: F| match self.quadrature {
             Quadrature::Exact => {
                 let mut strength: [F; C] = at(a);
-                cells.pieces(a, b, |piece, length| {
+                cells.pieces(&mut reached, a, b, |piece, length| {
                     let s = sigma_t.map(|sigma| sigma * length);
                     let extinguished = window.integrate(piece, s, strength, visit);
                     for c in 0..C {
@@ -243,10 +246,15 @@ fn shadow_ray<'a, F: Real>(ray: &ViewRay, map: &'a ShadowMap) -> ShadowRay<'a, F
         map,
         origin: [F::of(origin.x), F::of(origin.y)],
         slope: [F::of(slope.x), F::of(slope.y)],
-        inverse: [F::of(1.0 / slope.x), F::of(1.0 / slope.y)],
+        inverse: [inverse(F::of(slope.x)), inverse(F::of(slope.y))],
         depth: F::of(ray.origin.z - map.depth_origin()),
         depth_slope: F::of(ray.direction.z),
     }
+}
+
+/// One over a slope; infinite for zero of either sign, as a line is that is never crossed.
+fn inverse<F: Real>(slope: F) -> F {
+    if slope == F::zero() { F::infinity() } else { F::one() / slope }
 }
 
 /// Position in a grid at t = 0 and its change a metre.
@@ -259,7 +267,7 @@ fn grid_ray(ray: &ViewRay, grid: &Grid) -> [DVec2; 2] {
 struct CellRay<F> {
     origin: [F; 2],
     slope: [F; 2],
-    /// 1 / slope; infinite where the slope is zero.
+    /// 1 / slope, infinite where the slope is zero.
     inverse: [F; 2],
     last: [usize; 2],
 }
@@ -270,7 +278,7 @@ impl<F: Real> CellRay<F> {
         Self {
             origin: [F::of(origin.x + shift), F::of(origin.y + shift)],
             slope: [F::of(slope.x), F::of(slope.y)],
-            inverse: [F::of(1.0 / slope.x), F::of(1.0 / slope.y)],
+            inverse: [inverse(F::of(slope.x)), inverse(F::of(slope.y))],
             last: grid.size.map(|side| side + extra - 1),
         }
     }
@@ -299,10 +307,16 @@ impl<F: Real> CellRay<F> {
     ///
     /// Every crossing is computed from its own grid line, so rounding does not add up along the ray. Which axis comes
     /// next is hard to predict, so both are advanced without a branch, one of them by nothing.
+    ///
+    /// `reached` is the cell in which the stretch before has ended; whatever the rounding, none begins behind it.
     #[inline(always)]
-    fn pieces(&self, a: F, b: F, mut visit: impl FnMut(&Piece<F>, F)) {
-        let mut cell = self.cell(a);
+    fn pieces(&self, reached: &mut [usize; 2], a: F, b: F, mut visit: impl FnMut(&Piece<F>, F)) {
         let (ahead, step) = (self.slope.map(|slope| slope > F::zero()), self.slope.map(F::signum));
+        let begin = self.cell(a);
+        let mut cell = std::array::from_fn(|axis| match ahead[axis] {
+            true => begin[axis].max(reached[axis]),
+            false => begin[axis].min(reached[axis]),
+        });
         let mut line: [F; 2] = std::array::from_fn(|axis| match self.slope[axis] == F::zero() {
             true => F::infinity(),
             false => F::of((cell[axis] + usize::from(ahead[axis])) as f64),
@@ -316,6 +330,7 @@ impl<F: Real> CellRay<F> {
             if end > t {
                 visit(&self.piece(cell, t, end - t), end - t);
                 t = end;
+                *reached = cell;
             }
             if end >= b {
                 break;

@@ -74,6 +74,6 @@ pub trait Traversal<F: Real, const C: usize>: Sync {
     /// The number of elements, reached or not.
     fn elements(&self) -> usize;
 
-    /// Visits the non-zeros of a row.
+    /// Visits the non-zeros of a row; weights of elements that are not visited are zero.
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>));
 }

@@ -9,7 +9,7 @@ pub struct AdjointTest {
     /// The factor a with ⟨T x, y⟩ ≈ a ⟨x, Tᵀ y⟩: 1 when they match, another constant when one of them misses
     /// a factor, and nothing near a constant (see `scatter`) when they walk different elements.
     pub factor: f64,
-    /// Spread of that factor over the trials, relative to it.
+    /// Largest deviation of that factor from its mean over trials and channels, relative to it.
     pub scatter: f64,
 }
 

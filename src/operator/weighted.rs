@@ -3,7 +3,7 @@ use std::cell::RefCell;
 use super::{LinearOperator, Vector};
 use crate::Result;
 
-/// W T: the rows of an operator, each scaled by its own factor.
+/// W T with W = diag(factors): the rows of an operator, each scaled by its own factor.
 ///
 /// For constraint weights w the factors are √w, so that ‖W (T x − b)‖² = Σ w (T x − b)².
 #[derive(Debug)]
@@ -26,7 +26,7 @@ impl<T: LinearOperator> Weighted<T> {
         &self.operator
     }
 
-    /// W y: what the right-hand side becomes.
+    /// y ← W y: what the right-hand side becomes.
     pub fn weigh(&self, y: &mut T::Range) {
         y.multiply(&self.factors);
     }

@@ -11,8 +11,8 @@ pub struct Image {
 
 impl Image {
     /// A picture of one colour.
-    pub fn constant(size: [usize; 2], colour: Rgb) -> Self {
-        Self { size, pixels: vec![colour; size[0] * size[1]] }
+    pub fn constant(size: [usize; 2], color: Rgb) -> Self {
+        Self { size, pixels: vec![color; size[0] * size[1]] }
     }
 
     /// Errors: [`Error::Shape`] when there are not as many pixels as `size` says.

@@ -45,7 +45,7 @@ pub struct Scene {
     pub medium: Medium,
     /// What casts shadows and what the views see.
     pub geometry: Geometry,
-    /// Radiance of the sky behind everything, and the light that surfaces get from everywhere.
+    /// Radiance from everywhere but the sun: surfaces reflect it, and the medium scatters it towards the eye.
     pub ambient: Rgb,
     /// Cameras and what is painted on their pictures.
     pub views: Vec<View>,

@@ -27,7 +27,8 @@ pub enum Quadrature {
     /// Cell by cell, in closed form.
     #[default]
     Exact,
-    /// The papers' march: this many steps of equal length along each ray, each worth its midpoint.
+    /// The papers' march: this many steps of equal length from the eye to where the ray ends or leaves the light map,
+    /// each worth its midpoint.
     March {
         /// Steps a ray.
         steps: u32,

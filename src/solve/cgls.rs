@@ -5,11 +5,14 @@
 //! Caveats       ‖A x − b‖ falls monotonically, ‖Aᵀ (b − A x)‖ does not. Elements outside the row space of A keep
 //!               their start. With `clamped` the iterates are set to non-negative values after each step,
 //!               as the papers do; the recursion then no longer describes the iterate, and it need not converge.
-//! Source        Hestenes and Stiefel 1952; Björck 1996, algorithm 7.4.1; clamp: Klehm 2015, sec. 7.4.
+//! Source        Hestenes and Stiefel 1952; Björck 1996, algorithm 7.4.1; clamp: Klehm 2015, sec. 7.4.2.
 
 use super::{LeastSquares, Measure, Method, State};
 use crate::operator::{LinearOperator, Scalars, Vector};
 use crate::{Error, Result};
+
+/// Part of its start below which ‖s‖² is rounding at any precision, and further steps would only underflow.
+const NOTHING_LEFT: f64 = 1e-30;
 
 /// Conjugate gradients on the normal equations. Vectors: 3 of the domain (x, s, p), 2 of the range (r, q).
 #[derive(Debug)]
@@ -26,6 +29,8 @@ pub struct Cgls<O: LinearOperator> {
     q: O::Range,
     /// ‖s‖².
     gamma: Scalars,
+    /// ‖s‖² where it began.
+    start: Scalars,
     residual: Scalars,
     iteration: usize,
     applications: usize,
@@ -42,6 +47,7 @@ impl<O: LinearOperator> Cgls<O> {
             p: operator.domain(),
             q: operator.range(),
             gamma: [0.0; 3],
+            start: [0.0; 3],
             residual: [0.0; 3],
             iteration: 0,
             applications: 0,
@@ -53,11 +59,11 @@ impl<O: LinearOperator> Cgls<O> {
         Self { clamped: true, ..Self::new(operator) }
     }
 
-    /// alpha = ‖s‖² / ‖A p‖²; zero for a channel that has nothing left to do.
+    /// alpha = ‖s‖² / ‖A p‖²; zero for a channel whose normal residual is gone but for rounding.
     fn step_length(&self, curvature: Scalars) -> Result<Scalars> {
         let mut alpha = [0.0; 3];
         for c in 0..3 {
-            if self.gamma[c] == 0.0 {
+            if self.gamma[c] <= NOTHING_LEFT * self.start[c] {
                 continue;
             }
             // Not `<= 0`: a NaN must not pass.
@@ -81,6 +87,7 @@ impl<O: LinearOperator> Method<O> for Cgls<O> {
         problem.operator.apply_adjoint(&self.r, &mut self.s)?;
         self.p.copy_from(&self.s);
         self.gamma = self.s.norm_squared()?;
+        self.start = self.gamma;
         self.residual = self.r.norm_squared()?;
         self.applications += 2;
         Ok(())
@@ -118,7 +125,8 @@ impl<O: LinearOperator> Method<O> for Cgls<O> {
     }
 
     fn save(&self) -> Result<State> {
-        let scalars = [self.gamma, self.residual, [self.iteration as f64, self.applications as f64, 0.0]];
+        let scalars =
+            [self.gamma, self.start, self.residual, [self.iteration as f64, self.applications as f64, 0.0]];
         Ok(State {
             vectors: vec![self.x.to_host()?, self.p.to_host()?, self.r.to_host()?],
             scalars: scalars.concat(),
@@ -126,7 +134,7 @@ impl<O: LinearOperator> Method<O> for Cgls<O> {
     }
 
     fn restore(&mut self, state: &State) -> Result<()> {
-        let ([x, p, r], [g0, g1, g2, r0, r1, r2, iteration, applications, _]) =
+        let ([x, p, r], [g0, g1, g2, s0, s1, s2, r0, r1, r2, iteration, applications, _]) =
             (&state.vectors[..], &state.scalars[..])
         else {
             return Err(Error::Shape { what: "a saved CGLS state", expected: 3, got: state.vectors.len() });
@@ -135,6 +143,7 @@ impl<O: LinearOperator> Method<O> for Cgls<O> {
         self.p.set_from_host(p)?;
         self.r.set_from_host(r)?;
         self.gamma = [*g0, *g1, *g2];
+        self.start = [*s0, *s1, *s2];
         self.residual = [*r0, *r1, *r2];
         self.iteration = *iteration as usize;
         self.applications = *applications as usize;

@@ -9,7 +9,7 @@ use crate::{Error, Result};
 pub struct Limits {
     /// Iterations at most.
     pub iterations: usize,
-    /// Stop when the normal residual has fallen to this part of its start, in every channel.
+    /// Stop when the normal residual has fallen to this part of its start, in every channel, each relative to its own.
     pub tolerance: f64,
     /// Stop after this long.
     pub time: Option<Duration>,
@@ -35,8 +35,12 @@ pub struct Progress {
 pub struct History {
     /// The start and every iteration since.
     pub progress: Vec<Progress>,
-    /// The squared norms at the start that progress is relative to.
+    /// The squared norms that progress is relative to: those of the start.
     pub start: Measure,
+    /// How often the method began again because its recursion had parted from the truth.
+    pub restarts: usize,
+    /// The least true normal residual found at such a moment; infinite before the first.
+    pub least_true: f64,
 }
 
 /// Why a solve ended.
@@ -97,17 +101,18 @@ pub struct Outcome {
     pub true_residual: Scalars,
     /// ‖Aᵀ (b − A x)‖ at the end relative to the start, computed anew.
     pub true_normal_residual: Scalars,
-    /// How often the method began again because its recursion had parted from the truth.
-    pub restarts: usize,
 }
 
-/// A recursive normal residual that is wrong by more than this factor is not trusted.
+/// A channel that starts with less than this part of the largest squared norm is measured against that part: its
+/// start is rounding, and cannot be improved on.
+const FLOOR: f64 = 1e-12;
+/// A true normal residual above the tolerance by more than this factor gives the lie to the recursive one.
 const PARTED: f64 = 1.5;
 
 /// Runs a method until it should stop.
 ///
 /// `resumed` is the history of a method whose state has been restored; without it the method begins at `x0`.
-/// `each` is called after every iteration. Not reaching the tolerance is not an error.
+/// `each` is called after every iteration, not at the start. Not reaching the tolerance is not an error.
 ///
 /// Errors: [`Error::NonFinite`] naming the iteration, and what the method and `each` report.
 pub fn drive<O: LinearOperator, M: Method<O>>(
@@ -123,54 +128,64 @@ pub fn drive<O: LinearOperator, M: Method<O>>(
         Some(history) => history,
         None => {
             method.begin(problem, x0)?;
-            let start = finite(method.measure(), 0)?;
-            History { progress: vec![progress(0, 0.0, method, &start)], start }
+            let start = floored(finite(method.measure(), 0)?);
+            let progress = vec![progress(0, 0.0, method, &start)];
+            History { progress, start, restarts: 0, least_true: f64::INFINITY }
         }
     };
     let before = history.progress.last().map_or(0.0, |last| last.seconds);
-    let mut restarts = 0;
-    let mut best_true = f64::INFINITY;
     loop {
         let seconds = before + clock.elapsed().as_secs_f64();
         let iteration = history.progress.last().map_or(0, |last| last.iteration);
-        let reason = reason_to_stop(&history, limits, seconds);
-        if let Some(mut reason) = reason {
-            let measure = true_measure(method, problem)?;
-            let (residual, normal) = relative(&measure, &history.start);
-            let claimed = history.progress.last().map_or([0.0; 3], |last| last.normal_residual);
-            let parted = (0..3).any(|c| normal[c] > PARTED * claimed[c].max(limits.tolerance));
-            if reason == StopReason::Tolerance && parted {
-                let worst = largest(normal);
-                if worst < 0.5 * best_true {
-                    best_true = worst;
-                    restarts += 1;
-                    let x = copy(method.solution());
-                    method.begin(problem, &x)?;
-                    method.step(problem)?;
-                    history.progress.push(progress(iteration + 1, seconds, method, &history.start));
-                    continue;
-                }
-                reason = StopReason::Stagnation;
+        if let Some(mut reason) = reason_to_stop(&history, limits, seconds) {
+            let outcome = finish(method, problem, &history, reason)?;
+            let truth = outcome.true_normal_residual;
+            let parted =
+                reason == StopReason::Tolerance && truth.iter().any(|&r| r > PARTED * limits.tolerance);
+            if !parted {
+                return Ok(outcome);
             }
-            return Ok(Outcome {
-                history,
-                stop: Stop { reason, iteration },
-                true_residual: residual,
-                true_normal_residual: normal,
-                restarts,
-            });
+            // The recursion believes to be done and is not: begin again from the truth, while that still helps.
+            let helps = largest(truth) < 0.5 * history.least_true;
+            if !helps || iteration >= limits.iterations {
+                reason = if helps { StopReason::Iterations } else { StopReason::Stagnation };
+                return Ok(Outcome { stop: Stop { reason, iteration }, ..outcome });
+            }
+            history.least_true = largest(truth);
+            history.restarts += 1;
+            method.begin(problem, &copy(method.solution()))?;
         }
         method.step(problem)?;
         finite(method.measure(), iteration + 1)?;
         let seconds = before + clock.elapsed().as_secs_f64();
         history.progress.push(progress(iteration + 1, seconds, method, &history.start));
         if each(&history, method)? == Control::Stop {
-            let (true_residual, true_normal_residual) =
-                relative(&true_measure(method, problem)?, &history.start);
-            let stop = Stop { reason: StopReason::Interrupted, iteration: iteration + 1 };
-            return Ok(Outcome { history, stop, true_residual, true_normal_residual, restarts });
+            return finish(method, problem, &history, StopReason::Interrupted);
         }
     }
+}
+
+/// What there is to say at the end, with the residuals computed anew.
+fn finish<O: LinearOperator, M: Method<O>>(
+    method: &M,
+    problem: &LeastSquares<O>,
+    history: &History,
+    reason: StopReason,
+) -> Result<Outcome> {
+    let (true_residual, true_normal_residual) = relative(&true_measure(method, problem)?, &history.start);
+    let iteration = history.progress.last().map_or(0, |last| last.iteration);
+    Ok(Outcome {
+        history: history.clone(),
+        stop: Stop { reason, iteration },
+        true_residual,
+        true_normal_residual,
+    })
+}
+
+/// A start to be relative to, in which no channel is mere rounding.
+fn floored(start: Measure) -> Measure {
+    let floor = |norms: Scalars| norms.map(|norm| norm.max(FLOOR * largest(norms)));
+    Measure { residual: floor(start.residual), normal_residual: floor(start.normal_residual) }
 }
 
 fn reason_to_stop(history: &History, limits: &Limits, seconds: f64) -> Option<StopReason> {
