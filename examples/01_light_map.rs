@@ -1,7 +1,7 @@
 //! From painted strokes to a light map, in one file: `cargo run --release --example 01_light_map -- DIR`.
 //!
 //! What one learns: a scene is plain data (light, medium, geometry, views with strokes); [`LightMapProblem`] turns it
-//! into rows and targets; `solve` finds the light map; `assess` says how well it does; `render` draws with it.
+//! into rows and targets; `solve` finds the light map; [`Assessor`] says how well it does; `render` draws with it.
 
 #![allow(clippy::print_stdout)]
 
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3};
 use unscatter::io::image::write_png;
 use unscatter::operator::CpuVector;
-use unscatter::problem::{LightMapProblem, assess, render, solve};
+use unscatter::problem::{Assessor, LightMapProblem, render, solve};
 use unscatter::scene::{
     Camera, DirectionalLight, FovAxis, Geometry, Image, MapSettings, Medium, Primitive, Scene, SolveSettings,
     Stroke, Target, View, look_at,
@@ -81,8 +81,9 @@ fn main() -> unscatter::Result<()> {
 
     let solved = solve(&problem, &operator, &coverage, &scene.solve, None, |_, _, _| Ok(Control::Continue))?;
     let start = CpuVector(vec![problem.start; problem.maps.light_map.len()]);
-    let (before, _) = assess(&problem, &operator, &start, scene.views.len())?;
-    let (after, _) = assess(&problem, &operator, &CpuVector(solved.light_map.clone()), scene.views.len())?;
+    let assessor = Assessor::new(&problem, &operator)?;
+    let before = assessor.assess(&start, scene.views.len())?.all;
+    let after = assessor.assess(&CpuVector(solved.light_map.clone()), scene.views.len())?.all;
     println!("{} painted pixels, stopped at {:?}", problem.constraints.len(), solved.outcome.stop);
     println!("residual {:.3} before, {:.3} after", before.residual, after.residual);
 

@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use super::{job, machine};
 use crate::operator::CpuVector;
-use crate::problem::{LightMapOperator, LightMapProblem, Match, Solved};
+use crate::problem::{Assessment, LightMapOperator, LightMapProblem, Solved};
 use crate::report::{
     Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord, ViewMatch,
 };
@@ -16,8 +16,8 @@ pub(super) struct Findings<'a> {
     pub(super) coverage: &'a CpuVector,
     pub(super) solved: &'a Solved,
     /// How well all rows, and those of each view, met the targets before and after.
-    pub(super) before: (Match, Vec<Match>),
-    pub(super) after: (Match, Vec<Match>),
+    pub(super) before: &'a Assessment,
+    pub(super) after: &'a Assessment,
     pub(super) adjoint_error: f64,
 }
 
@@ -56,7 +56,7 @@ impl Findings<'_> {
             settings: self.settings(),
             history: self.history(),
             stop: StopRecord { reason: stop.reason.name().to_owned(), iteration: stop.iteration as u64 },
-            weighted_residual: Change { before: self.before.0.residual, after: self.after.0.residual },
+            weighted_residual: Change { before: self.before.all.residual, after: self.after.all.residual },
             matched: self.matched(),
             timings: timings.into_iter().collect(),
             memory: self.memory(),
@@ -74,7 +74,7 @@ impl Findings<'_> {
             unknowns: self.coverage.0.len() as u64,
             active_unknowns: self.reached(),
             nonzeros: if exact { storage.kept_nonzeros } else { self.problem.plan.nonzeros },
-            views: self.before.1.iter().filter(|view| view.pixels > 0).count() as u64,
+            views: self.before.views.iter().filter(|view| view.pixels > 0).count() as u64,
             size: self.problem.maps.light_map.size.map(|side| side as u64).to_vec(),
         }
     }
@@ -93,6 +93,10 @@ impl Findings<'_> {
             ("tolerance", solve.tolerance.to_string()),
             ("transmittance_bound", format!("{:.1e}", solve.transmittance_bound)),
             ("shadow_map", format!("{} × {} texels", shadow_map[0], shadow_map[1])),
+            (
+                "light_from_outside_the_map",
+                format!("{:.1} % of the painted pixels' light", 100.0 * self.problem.share_from_outside()),
+            ),
             ("restarts", self.solved.outcome.history.restarts.to_string()),
         ]
         .map(|(name, value)| (name.to_owned(), value))
@@ -111,7 +115,7 @@ impl Findings<'_> {
     }
 
     fn matched(&self) -> Vec<ViewMatch> {
-        let views = self.scene.views.iter().zip(&self.before.1).zip(&self.after.1);
+        let views = self.scene.views.iter().zip(&self.before.views).zip(&self.after.views);
         views
             .filter(|((_, before), _)| before.pixels > 0)
             .map(|((view, before), after)| ViewMatch {

@@ -2,12 +2,13 @@ use std::time::{Duration, Instant};
 
 use super::args::LightMapArguments;
 use super::findings::Findings;
+use super::placement::Placement;
 use super::progress::{Steps, interrupted, watch_interrupt};
-use super::results::{Folder, ViewPictures};
+use super::results::{Folder, Painted, ViewPictures};
 use super::{Done, Manners, job, resume};
 use crate::Result;
 use crate::operator::{CpuVector, adjoint_test};
-use crate::problem::{LightMapProblem, assess, render, solve};
+use crate::problem::{Assessment, Assessor, LightMapProblem, render, solve};
 use crate::report::{self, Report};
 use crate::scene::{Image, Rgb, Scene};
 use crate::solve::{Control, StopReason};
@@ -54,8 +55,14 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     })?;
     checkpoint.write(&solved.outcome.history, &solved.state)?;
 
-    steps.begin("rendering", Some(scene.views.len() as u64));
-    let pictures = draw(&scene, &problem, &solved.light_map, &steps)?;
+    steps.begin("assessing", None);
+    let views = scene.views.len();
+    let assessor = Assessor::new(&problem, &operator)?;
+    let before = assessor.assess(&start(&problem), views)?;
+    let after = assessor.assess(&CpuVector(solved.light_map.clone()), views)?;
+
+    steps.begin("rendering", Some(views as u64));
+    let pictures = draw(&scene, &problem, &solved.light_map, [&before, &after], &steps)?;
     steps.begin("writing", None);
     let light_map = light_map_picture(&problem, solved.light_map.clone())?;
     let coverage_picture = coverage_picture(&problem, &coverage)?;
@@ -64,17 +71,17 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
         light_map: folder.write_picture("light_map", &light_map, exposure_of(&problem))?,
         coverage: Some(folder.write_png("coverage", &coverage_picture, 0.0)?),
     };
-    let views = scene.views.len();
     let findings = Findings {
         scene: &scene,
         problem: &problem,
         operator: &operator,
         coverage: &coverage,
         solved: &solved,
-        before: assess(&problem, &operator, &start(&problem), views)?,
-        after: assess(&problem, &operator, &CpuVector(solved.light_map.clone()), views)?,
+        before: &before,
+        after: &after,
         adjoint_error,
     };
+    folder.write_bytes("light_map.json", Placement::of(&problem.maps).to_json()?.as_bytes())?;
     let report = findings.report(steps.finish());
     folder.write_bytes("report.json", report.to_json()?.as_bytes())?;
     folder.write_bytes("report.html", report::html(&report, &in_page)?.as_bytes())?;
@@ -103,18 +110,26 @@ fn start(problem: &LightMapProblem) -> CpuVector {
     CpuVector(vec![problem.start; problem.maps.light_map.len()])
 }
 
-/// The pictures of all views under a light map.
+/// The pictures of all views under a light map, given what the painted pixels show before and after.
 fn draw(
     scene: &Scene,
     problem: &LightMapProblem,
     texels: &[Rgb],
+    [before, after]: [&Assessment; 2],
     steps: &Steps,
 ) -> Result<Vec<ViewPictures>> {
     let draw_view = |view: usize| {
         let rendering = render(scene, &problem.maps, Some(texels), view)?;
         let width = scene.views[view].camera.size()[0];
-        let wanted = problem.wanted(view).map(|(x, y, change)| (y * width + x, change));
-        let pictures = ViewPictures::new(scene, view, &problem.paintings[view], wanted, rendering);
+        let rows = problem.constraints.iter().enumerate().filter(|(_, pixel)| pixel.view == view);
+        let painted = rows.map(|(row, pixel)| Painted {
+            pixel: pixel.y * width + pixel.x,
+            weight: pixel.weight,
+            before: before.shown[row],
+            wanted: problem.wanted(row),
+            after: after.shown[row],
+        });
+        let pictures = ViewPictures::new(&scene.views[view].name, painted, rendering);
         steps.advance(view as u64 + 1, String::new());
         Ok(pictures)
     };

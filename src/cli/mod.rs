@@ -9,6 +9,7 @@ mod job;
 mod light_map;
 mod machine;
 mod matrix;
+mod placement;
 mod plan;
 mod progress;
 mod render;

@@ -1,4 +1,5 @@
 use super::args::RenderArguments;
+use super::placement::Placement;
 use super::progress::{Steps, interrupted, watch_interrupt};
 use super::results::Folder;
 use super::{Done, Manners, job, to_json};
@@ -15,6 +16,7 @@ pub(super) fn run(arguments: &RenderArguments, manners: &Manners) -> Result<Done
         Some(path) => {
             let picture = io::image::read_image(path)?;
             scene.light_map.size = picture.size();
+            scene.light_map.extent = Placement::beside(path)?.or(scene.light_map.extent);
             Some(picture)
         }
         None => None,

@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::problem::Rendering;
-use crate::scene::{Image, Rgb, RgbaImage, Scene};
+use crate::scene::{Image, Rgb};
 use crate::{Error, Result};
 use crate::{io, report};
 
@@ -63,33 +63,32 @@ pub(crate) struct ViewPictures {
     pub(crate) target: Image,
     pub(crate) before: Image,
     pub(crate) after: Image,
-    /// |after − target| where it is painted, black elsewhere.
+    /// How far the scattered light misses what is painted, as radiance times alpha; black where nothing is.
     pub(crate) difference: Image,
 }
 
+/// A painted pixel: where it is, and its scattered radiance as it was, as it should be and as it has become.
+pub(crate) struct Painted {
+    pub(crate) pixel: usize,
+    pub(crate) weight: f32,
+    pub(crate) before: Rgb,
+    pub(crate) wanted: Rgb,
+    pub(crate) after: Rgb,
+}
+
 impl ViewPictures {
-    /// `wanted` holds, for each painted pixel of this view, its index, and the change of its scattered light that
-    /// the strokes ask for.
-    pub(crate) fn new(
-        scene: &Scene,
-        view: usize,
-        painting: &RgbaImage,
-        wanted: impl Iterator<Item = (usize, Rgb)>,
-        rendering: Rendering,
-    ) -> Self {
+    pub(crate) fn new(name: &str, painted: impl Iterator<Item = Painted>, rendering: Rendering) -> Self {
         let Rendering { before, after } = rendering;
         let mut target = before.clone();
         let mut difference = Image::constant(before.size(), [0.0; 3]);
-        for (pixel, change) in wanted {
-            let weight = painting.pixels[pixel][3];
+        for Painted { pixel, weight, before, wanted, after } in painted {
             for c in 0..3 {
-                let asked = (before.pixels[pixel][c] + change[c]).max(0.0);
-                let shown = before.pixels[pixel][c];
-                target.pixels[pixel][c] = shown + weight * (asked - shown);
-                difference.pixels[pixel][c] = (after.pixels[pixel][c] - asked).abs() * weight;
+                let shown = target.pixels[pixel][c];
+                target.pixels[pixel][c] = (shown + weight * (wanted[c] - before[c])).max(0.0);
+                difference.pixels[pixel][c] = weight * (after[c] - wanted[c]).abs();
             }
         }
-        Self { name: scene.views[view].name.clone(), target, before, after, difference }
+        Self { name: name.to_owned(), target, before, after, difference }
     }
 
     /// Writes the pictures, side by side; gives back their PNG files.

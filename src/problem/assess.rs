@@ -26,29 +26,52 @@ pub struct Match {
     pub contested: usize,
 }
 
-/// How well the light map `x` (all texels) meets the targets: over all rows, and view by view.
-///
-/// Cost: 2 applications of T, 1 of its adjoint.
-pub fn assess(
-    problem: &LightMapProblem,
-    operator: &LightMapOperator,
-    x: &CpuVector,
-    views: usize,
-) -> Result<(Match, Vec<Match>)> {
-    let mut shown = operator.range();
-    operator.apply(x, &mut shown)?;
-    let contested = contested(problem, operator)?;
-    let mut all = Sums::default();
-    let mut by_view = vec![Sums::default(); views];
-    for (row, pixel) in problem.constraints.iter().enumerate() {
-        let around = problem.surroundings[row];
-        let total = |part: Rgb| std::array::from_fn(|c| part[c] + around[c]);
-        let (shown, target) = (total(shown.0[row]), total(problem.targets[row]));
-        for sums in [&mut all, &mut by_view[pixel.view]] {
-            sums.add(shown, target, pixel.color, f64::from(pixel.weight), contested[row]);
-        }
+/// How well light maps meet the targets.
+#[derive(Debug)]
+pub struct Assessor<'a> {
+    problem: &'a LightMapProblem,
+    operator: &'a LightMapOperator,
+    contested: Vec<bool>,
+}
+
+/// What a light map shows of the targets.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Assessment {
+    /// Over all rows.
+    pub all: Match,
+    /// View by view.
+    pub views: Vec<Match>,
+    /// Scattered radiance of each row, that from outside the light map included.
+    pub shown: Vec<Rgb>,
+}
+
+impl<'a> Assessor<'a> {
+    /// Finds out which rows are contested.
+    ///
+    /// Cost: 3 applications of the adjoint, 1 of T.
+    pub fn new(problem: &'a LightMapProblem, operator: &'a LightMapOperator) -> Result<Self> {
+        Ok(Self { problem, operator, contested: contested(problem, operator)? })
     }
-    Ok((all.finish(), by_view.into_iter().map(Sums::finish).collect()))
+
+    /// Compares what the light map `x` (all texels) shows with the targets, over all rows and in each of `views` views.
+    ///
+    /// Cost: 1 application of T.
+    pub fn assess(&self, x: &CpuVector, views: usize) -> Result<Assessment> {
+        let mut shown = self.operator.range();
+        self.operator.apply(x, &mut shown)?;
+        let mut all = Sums::default();
+        let mut by_view = vec![Sums::default(); views];
+        for (row, pixel) in self.problem.constraints.iter().enumerate() {
+            let around = self.problem.surroundings[row];
+            shown.0[row] = std::array::from_fn(|c| shown.0[row][c] + around[c]);
+            let target = self.problem.wanted(row);
+            for sums in [&mut all, &mut by_view[pixel.view]] {
+                sums.add(shown.0[row], target, pixel.color, f64::from(pixel.weight), self.contested[row]);
+            }
+        }
+        let views = by_view.into_iter().map(Sums::finish).collect();
+        Ok(Assessment { all: all.finish(), views, shown: shown.0 })
+    }
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -100,19 +123,31 @@ impl Sums {
 /// Every row sends its hue, as a point on the colour circle, to its texels; where the mean of what arrives is short,
 /// the strokes contradict each other.
 fn contested(problem: &LightMapProblem, operator: &LightMapOperator) -> Result<Vec<bool>> {
-    let sent = problem.constraints.iter().map(|pixel| match hue(pixel.color, SATURATED) {
-        Some(angle) => [angle.cos() * pixel.weight, angle.sin() * pixel.weight, pixel.weight],
-        None => [0.0; 3],
+    // One transport for all three quantities, for coloured media have three.
+    let arriving = |part: fn(f32) -> f32| -> Result<Vec<f32>> {
+        let sent = problem.constraints.iter().map(|pixel| {
+            let value = hue(pixel.color, SATURATED).map_or(0.0, |angle| part(angle) * pixel.weight);
+            [value; 3]
+        });
+        let mut texels = operator.domain();
+        operator.apply_adjoint(&CpuVector(sent.collect()), &mut texels)?;
+        Ok(texels.0.iter().map(|texel| texel[0] + texel[1] + texel[2]).collect())
+    };
+    let (cos, sin, all) = (arriving(f32::cos)?, arriving(f32::sin)?, arriving(|_| 1.0)?);
+    let disputed = (0..all.len()).map(|texel| {
+        let agreement = cos[texel].hypot(sin[texel]) / all[texel];
+        [if agreement < AGREED { 1.0 } else { 0.0 }; 3]
     });
-    let mut texels = operator.domain();
-    operator.apply_adjoint(&CpuVector(sent.collect()), &mut texels)?;
-    for texel in &mut texels.0 {
-        let agreement = texel[0].hypot(texel[1]) / texel[2];
-        *texel = [if agreement < AGREED { 1.0 } else { 0.0 }, 1.0, 0.0];
-    }
     let mut shares = operator.range();
-    operator.apply(&texels, &mut shares)?;
-    Ok(shares.0.iter().map(|share| share[0] > CONTESTED * share[1]).collect())
+    operator.apply(&CpuVector(disputed.collect()), &mut shares)?;
+    let sum = |row: Rgb| row.iter().map(|&value| f64::from(value)).sum::<f64>();
+    let rows = shares.0.iter().enumerate();
+    Ok(rows
+        .map(|(row, &share)| {
+            let whole: f64 = problem.traversal.inside_weight(row).iter().sum();
+            sum(share) > f64::from(CONTESTED) * whole
+        })
+        .collect())
 }
 
 /// Angle on the colour circle in radians; none for a colour of at most `least` saturation.

@@ -33,7 +33,8 @@ pub struct LightMapProblem {
     pub maps: Maps,
     /// The rows of T.
     pub traversal: LightMapTraversal,
-    /// The scattered radiance that each row should have, without its surroundings: b.
+    /// The scattered radiance that each row should have, without its surroundings: b. It is negative where the
+    /// surroundings alone are too bright.
     pub targets: Vec<Rgb>,
     /// The scattered radiance of each row that comes from outside the light map.
     pub surroundings: Vec<Rgb>,
@@ -92,6 +93,8 @@ impl LightMapProblem {
     }
 
     /// T, with as much of it kept as `scene.solve` and `budget` bytes allow.
+    ///
+    /// Errors: [`Error::TooLarge`] when all of it must be kept and does not fit.
     pub fn operator(&self, scene: &Scene, budget: u64) -> Result<LightMapOperator> {
         self.operator_with(scene.solve.strategy, budget)
     }
@@ -106,14 +109,19 @@ impl LightMapProblem {
         })
     }
 
-    /// The painted pixels of a view, each with its place and the change of its scattered light that is asked for.
-    pub fn wanted(&self, view: usize) -> impl Iterator<Item = (usize, usize, Rgb)> + '_ {
-        self.constraints.iter().enumerate().filter(move |(_, pixel)| pixel.view == view).map(
-            |(row, pixel)| {
-                let inside = self.traversal.inside_weight(row);
-                (pixel.x, pixel.y, rgb(|c| self.targets[row][c] - inside[c] as f32 * self.start[c]))
-            },
-        )
+    /// The scattered radiance that a row should have, that from outside the light map included.
+    pub fn wanted(&self, row: usize) -> Rgb {
+        rgb(|c| self.targets[row][c] + self.surroundings[row][c])
+    }
+
+    /// The share of the painted pixels' light that comes from outside the light map, where it keeps its colour.
+    pub fn share_from_outside(&self) -> f64 {
+        let sum = |weight: [f64; 3]| weight.iter().sum::<f64>();
+        let rows = 0..self.constraints.len();
+        let (outside, all) = rows.fold((0.0, 0.0), |(outside, all), row| {
+            (outside + sum(self.traversal.surrounding_weight(row)), all + sum(self.traversal.lit_weight(row)))
+        });
+        outside / all
     }
 
     /// The problem of at most `rows` of its rows, evenly spread.

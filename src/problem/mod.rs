@@ -8,7 +8,7 @@ mod painting;
 mod render;
 mod solution;
 
-pub use assess::{Match, assess};
+pub use assess::{Assessment, Assessor, Match};
 pub use constraints::{Constraint, constraints};
 pub use extents::{Maps, fit};
 pub use light_map::{LightMapOperator, LightMapProblem};

@@ -31,7 +31,8 @@ pub struct Paused {
 /// `coverage` is diag(Tᵀ diag(w) T); texels where it is zero are not unknowns. `each` is called after every
 /// iteration with the history, a way to get the state to continue from, and a way to get all texels.
 ///
-/// Errors: [`Error::NonFinite`] naming the texel.
+/// Errors: [`Error::NonFinite`] naming the texel, [`Error::Empty`] when no texel is reached, and what the method and
+/// `each` report.
 pub fn solve(
     problem: &LightMapProblem,
     operator: &LightMapOperator,
@@ -41,22 +42,26 @@ pub fn solve(
     mut each: impl FnMut(&History, &dyn Fn() -> Result<State>, &dyn Fn() -> Vec<Rgb>) -> Result<Control>,
 ) -> Result<Solved> {
     let columns = reached(coverage);
-    let tikhonov = settings.regularization.tikhonov * mean_squared_column_norm(coverage, columns.len());
-    let factors = CpuVector(problem.constraints.iter().map(|pixel| [pixel.weight.sqrt(); 3]).collect());
-    let weighted = Weighted::new(Restricted::new(operator, columns.clone())?, factors)?;
+    if columns.is_empty() {
+        return Err(Error::Empty {
+            reason: "the light of the painted pixels is too weak to be computed with".to_owned(),
+            remedy: "raise medium.sigma_t or medium.albedo",
+        });
+    }
+    // Rows are divided by the norm of a typical column, so that f32 serves media of any density alike; λ becomes
+    // what the settings say.
+    let norm = mean_squared_column_norm(coverage, columns.len()).sqrt();
+    let factors = problem.constraints.iter().map(|pixel| [(f64::from(pixel.weight).sqrt() / norm) as f32; 3]);
+    let weighted = Weighted::new(Restricted::new(operator, columns.clone())?, CpuVector(factors.collect()))?;
     let mut start = weighted.domain();
     start.fill(problem.start.map(f64::from));
-    let pull = [tikhonov.sqrt(); 3];
+    let mut targets = CpuVector(problem.targets.clone());
+    weighted.weigh(&mut targets);
+    let pull = [settings.regularization.tikhonov.sqrt(); 3];
+    let mut pulled = start.clone();
+    pulled.scale(pull);
+    let rhs = (targets, pulled);
     let regularized = Stacked::new(weighted, Identity::scaled(&start, pull))?;
-    let rhs = {
-        let mut targets = CpuVector(problem.targets.clone());
-        for (target, pixel) in targets.0.iter_mut().zip(&problem.constraints) {
-            *target = target.map(|value| value * pixel.weight.sqrt());
-        }
-        let mut pulled = start.clone();
-        pulled.scale(pull);
-        (targets, pulled)
-    };
     let system = LeastSquares { operator: &regularized, rhs: &rhs };
     let mut method = match settings.solver {
         SolverName::Cgls => Cgls::new(&regularized),
@@ -85,7 +90,12 @@ pub fn solve(
         let place = format!("texel ({}, {})", index % width, index / width);
         return Err(Error::NonFinite { what: "the light map".to_owned(), place });
     }
-    Ok(Solved { light_map, outcome, tikhonov, state: method.save()? })
+    Ok(Solved {
+        light_map,
+        outcome,
+        tikhonov: settings.regularization.tikhonov * norm * norm,
+        state: method.save()?,
+    })
 }
 
 /// The elements that some painted ray reaches.

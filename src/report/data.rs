@@ -39,7 +39,7 @@ pub struct Report {
     pub history: Vec<Step>,
     /// Why and when it stopped.
     pub stop: StopRecord,
-    /// `‖W(Tx − b)‖ / ‖Wb‖` over all painted pixels, without regularization, in one number for all channels.
+    /// √(Σ w ‖L − L*‖² / Σ w ‖L*‖²) over all painted pixels, L the scattered radiance, L* the wanted one, w the alpha.
     pub weighted_residual: Change,
     /// The same and more, view by view.
     #[serde(rename = "match")]
@@ -144,7 +144,7 @@ pub struct ViewMatch {
     pub view: String,
     /// Pixels with paint.
     pub painted_pixels: u64,
-    /// `‖W(Tx − b)‖ / ‖Wb‖` over them.
+    /// The same over them.
     pub weighted_residual: Change,
     /// Their mean error of hue in degrees; none where the paint has no hue.
     #[serde(skip_serializing_if = "Option::is_none")]

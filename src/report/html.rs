@@ -30,7 +30,7 @@ pub struct ViewPictures {
     pub before: Vec<u8>,
     /// The view under what was found.
     pub after: Vec<u8>,
-    /// How much the two differ.
+    /// How far the scattered light misses what was painted.
     pub difference: Vec<u8>,
 }
 
@@ -121,7 +121,13 @@ fn one_view(index: usize, view: &ViewPictures, matched: Option<&ViewMatch>) -> R
         part("target", "Target", "what was painted", "target", &view.target)?,
         part("before", "Before", "under the light at the start", "before", &view.before)?,
         part("after", "After", "under the light that was found", "after", &view.after)?,
-        part("difference", "Difference", "what the new light changed", "difference", &view.difference)?,
+        part(
+            "difference",
+            "Difference",
+            "how far the shafts miss the paint",
+            "difference",
+            &view.difference
+        )?,
     ))
 }
 
