@@ -88,6 +88,7 @@ fn a_write_that_fails_leaves_earlier_results_and_no_pieces() {
 /// On a disk that is full: exit 3, and everything as it was. Needs a kernel that gives a test a disk of its own.
 #[cfg(target_os = "linux")]
 #[test]
+#[allow(clippy::print_stderr, reason = "that nothing was tested should be seen")]
 fn a_full_disk_is_the_machines_fault() {
     let desk = Desk::new();
     std::fs::create_dir(desk.path("disk")).unwrap();
