@@ -4,36 +4,62 @@ use crate::problem::LightMapProblem;
 use crate::scene::Scene;
 use crate::{Error, Result, io};
 
+const COLOR: usize = size_of::<[f32; 3]>();
+/// Bytes a texel of a shadow map: 4 for its depth while it is rendered, 8 for its range, a third of 8 for the pyramid.
+const SHADOW_TEXEL: usize = 15;
+
 /// Reads the scene of a command, with its overrides and those that its flags stand for.
+///
+/// Errors: those of [`io::scene_file::load`], and [`Error::TooLarge`] when its pictures and maps alone exceed the
+/// memory that may be used: that is known from their sizes, before any of them is made.
 pub(super) fn load(arguments: &SceneArguments, flags: &[String]) -> Result<Scene> {
     let mut overrides = arguments.overrides.clone();
     overrides.extend_from_slice(flags);
     overrides.extend(arguments.memory.iter().map(|size| format!("solve.memory=\"{size}\"")));
     let scene = io::scene_file::load(&arguments.scene, &overrides)?;
     tracing::info!(name = scene.name, views = scene.views.len(), "scene");
+    check_memory("the scene's pictures and maps", least_bytes(&scene), allowed(&scene))?;
     Ok(scene)
+}
+
+/// Bytes that may be used.
+fn allowed(scene: &Scene) -> u64 {
+    scene.solve.memory.unwrap_or_else(machine::default_budget)
+}
+
+fn check_memory(what: &str, needed: u64, allowed: u64) -> Result<()> {
+    if needed <= allowed {
+        return Ok(());
+    }
+    Err(Error::TooLarge {
+        what: what.to_owned(),
+        needed: mebibytes(needed),
+        limit: mebibytes(allowed),
+        remedy: "raise --memory, or lower light_map.size, shadow_map.size or the views' sizes",
+    })
 }
 
 /// Bytes that the kept rows of the transport may take: what may be used, less what everything else needs.
 ///
 /// Errors: [`Error::TooLarge`] when everything else does not fit.
 pub(super) fn budget(scene: &Scene, problem: &LightMapProblem) -> Result<u64> {
-    let allowed = scene.solve.memory.unwrap_or_else(machine::default_budget);
-    let needed = fixed_bytes(scene, problem);
-    if needed > allowed {
-        return Err(Error::TooLarge {
-            what: "the solve without its matrix".to_owned(),
-            needed: mebibytes(needed),
-            limit: mebibytes(allowed),
-            remedy: "raise --memory, or lower light_map.size, shadow_map.size or the views' sizes",
-        });
-    }
+    let (allowed, needed) = (allowed(scene), fixed_bytes(scene, problem));
+    check_memory("the solve without its matrix", needed, allowed)?;
     Ok(allowed - needed)
+}
+
+/// Bytes that every command takes at least: what is painted on the views, the shadow map and a light map.
+fn least_bytes(scene: &Scene) -> u64 {
+    let texels = |size: [usize; 2]| size.iter().product::<usize>();
+    let painted: usize = scene.views.iter().map(|view| texels(view.camera.size())).sum();
+    let bytes = painted * size_of::<[f32; 4]>()
+        + texels(scene.shadow_map.size) * SHADOW_TEXEL
+        + texels(scene.light_map.size) * COLOR;
+    bytes as u64
 }
 
 /// Bytes that a solve takes beside the kept rows.
 pub(super) fn fixed_bytes(scene: &Scene, problem: &LightMapProblem) -> u64 {
-    const COLOR: usize = size_of::<[f32; 3]>();
     let rows = problem.constraints.len();
     let texels = problem.maps.light_map.len();
     let shadow = problem.maps.shadow_map.grid().len();
@@ -42,7 +68,7 @@ pub(super) fn fixed_bytes(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let rays = rows * size_of::<crate::march::ViewRay>();
     // Four pictures a view, and what is painted on it.
     let pictures = pixels * (4 * COLOR + size_of::<[f32; 4]>());
-    (vectors + rays + pictures + shadow * 12 + (64 << 20)) as u64
+    (vectors + rays + pictures + shadow * SHADOW_TEXEL + (64 << 20)) as u64
 }
 
 pub(super) fn mebibytes(bytes: u64) -> String {

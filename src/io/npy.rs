@@ -8,6 +8,7 @@ use npyz::{DType, WriteOptions, WriterBuilder};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
+use super::until_failure::UntilFailure;
 use super::whole::{write_whole, write_whole_seekable};
 use crate::{Error, Result};
 
@@ -90,7 +91,8 @@ fn write_members<I: Copy + TryInto<usize>>(
     data: &[f32],
 ) -> io::Result<()> {
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true);
-    let mut archive = ZipWriter::new(file);
+    // An archive that is dropped unfinished tries again to finish, and prints what it then meets.
+    let mut archive = ZipWriter::new(UntilFailure::new(file));
     let columns_of_values = || indices.iter().map(|&index| column(index));
     archive.start_file("indices.npy", options)?;
     if i32::try_from(columns).is_ok() {

@@ -68,10 +68,18 @@ impl LightMapProblem {
             .into_par_iter()
             .map(|row| [traversal.lit_weight(row), traversal.surrounding_weight(row)])
             .collect();
-        if shares.iter().all(|[lit, _]| *lit == [0.0; 3]) {
+        if shares.iter().all(|share| !passes_the_map(share)) {
+            let count = constraints.len();
+            let dark = shares.iter().all(|[lit, _]| *lit == [0.0; 3]);
             return Err(Error::Empty {
-                reason: format!("every one of the {} painted pixels is in shadow", constraints.len()),
-                remedy: "paint where light shafts are seen, or turn the light",
+                reason: if dark {
+                    format!("every one of the {count} painted pixels is in shadow")
+                } else {
+                    format!(
+                        "the {count} painted pixels get light only from beside the light map, the rest is in shadow"
+                    )
+                },
+                remedy: "paint where light shafts are seen, turn the light, or set light_map.extent",
             });
         }
         let surroundings: Vec<Rgb> =
@@ -205,6 +213,11 @@ impl LinearOperator for LightMapOperator {
             Self::Colored(transport) => transport.apply_adjoint(y, x),
         }
     }
+}
+
+/// Whether more than rounding is left of a row's lit weight without what comes from beside the map.
+fn passes_the_map([lit, outside]: &[[f64; 3]; 2]) -> bool {
+    (0..3).any(|c| lit[c] - outside[c] > 1e-12 * lit[c])
 }
 
 fn plan(traversal: &LightMapTraversal, grey: bool) -> WalkPlan {

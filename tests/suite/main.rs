@@ -7,7 +7,9 @@
 )]
 #![allow(missing_docs, unreachable_pub, reason = "nothing here is public")]
 
+mod command;
 mod layers;
+mod mutation;
 mod operator;
 mod render;
 mod scenes;

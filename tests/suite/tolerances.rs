@@ -9,3 +9,7 @@ pub const ADJOINT_F32: f64 = 1e-6;
 
 /// The same where everything is f64.
 pub const ADJOINT_F64: f64 = 1e-13;
+
+/// Two ways to the same light map, relative to its brightest texel: products in f32 that round differently,
+/// over a few iterations.
+pub const SAME_SOLUTION: f64 = 1e-5;

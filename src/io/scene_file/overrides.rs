@@ -41,7 +41,7 @@ impl Override {
 }
 
 fn enter<'a>(place: &'a mut Value, segment: &Segment) -> Result<&'a mut Value, String> {
-    if place.is_null() {
+    if place.is_null() && matches!(segment, Segment::Key(_)) {
         *place = Value::Object(Map::new());
     }
     match (segment, place) {
@@ -53,6 +53,7 @@ fn enter<'a>(place: &'a mut Value, segment: &Segment) -> Result<&'a mut Value, S
                 _ => format!("there is no element {index}; the last one is {}", length - 1),
             })
         }
+        (Segment::Index(_), Value::Null) => Err("there is no list of this name".to_owned()),
         (Segment::Key(key), other) => Err(format!("there is no field `{}` in {}", shown(key), kind(other))),
         (Segment::Index(index), other) => Err(format!("there is no element {index} in {}", kind(other))),
     }
@@ -98,7 +99,8 @@ mod tests {
             ("a[2]=1", "the last one is 1"),
             ("a.b=1", "no field `b` in a list"),
             ("c[0]=1", "no element 0 in a text"),
-            ("new[0]=1", "no element 0 in an object"),
+            ("new[0]=1", "no list of this name"),
+            ("a[0][0]=1", "no element 0 in an object"),
             ("c", "path=value"),
             ("=1", "path=value"),
             ("a[-1]=1", "path=value"),

@@ -1,0 +1,59 @@
+//! Ctrl-C: what was computed is written, and the solve can be continued.
+#![cfg(unix)]
+
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use super::pictures::exr;
+use super::{Desk, PATIENCE, PROGRAM, Ran};
+
+const LONG: [&str; 9] =
+    ["light-map", "scene.json", "-o", "out", "--iterations", "1000000", "--tolerance", "0", "--json"];
+
+/// Starts a solve that would not end by itself, and waits until it iterates: its first preview is there.
+fn under_way(desk: &Desk) -> Child {
+    let child = Command::new(PROGRAM)
+        .current_dir(desk.path("."))
+        .args(LONG)
+        .args(["--preview-every", "3"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let begun = Instant::now();
+    while !desk.path("out/right_after.png").is_file() {
+        assert!(begun.elapsed() < PATIENCE, "no preview appears");
+        sleep(Duration::from_millis(5));
+    }
+    child
+}
+
+fn signal(child: &Child, name: &str) {
+    let sent = Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+}
+
+#[test]
+fn ctrl_c_writes_results_and_the_solve_goes_on_from_there() {
+    let desk = Desk::new();
+    let child = under_way(&desk);
+    signal(&child, "-INT");
+    let ran = Ran::of(&LONG, &child.wait_with_output().unwrap()).exits_with(130);
+    let report = ran.json();
+    assert_eq!(report, desk.json("out/report.json"));
+    assert_eq!(report["stop"]["reason"], "interrupted");
+    let stopped = report["stop"]["iteration"].as_u64().unwrap();
+    assert!(stopped > 0);
+    exr(&desk.path("out/light_map.exr"));
+    assert!(desk.names("out").iter().all(|name| !name.ends_with(".part")), "{:?}", desk.names("out"));
+
+    let goal = (stopped + 5).to_string();
+    let resumed =
+        ["light-map", "scene.json", "-o", "out", "--resume", "--iterations", &goal, "--tolerance", "0"];
+    desk.done(&resumed);
+    assert_eq!(desk.json("out/report.json")["history"].as_array().unwrap().len() as u64, stopped + 6);
+    // A solve of many iterations stops when rounding is all that is left, and then neither gets to its goal.
+    desk.done(&["light-map", "scene.json", "-o", "straight", "--iterations", &goal, "--tolerance", "0"]);
+    assert_eq!(desk.read("out/light_map.exr"), desk.read("straight/light_map.exr"));
+}

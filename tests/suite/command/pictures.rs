@@ -1,0 +1,52 @@
+//! Reading pictures with the crates that write them elsewhere, not with the code under test.
+
+use std::path::Path;
+
+use exr::prelude::{ReadChannels, ReadLayers};
+
+/// The pixels of an EXR, row by row, once it is known to be one part with exactly R, G and B.
+pub fn exr(path: &Path) -> ([usize; 2], Vec<[f32; 3]>) {
+    let meta = exr::meta::MetaData::read_from_file(path, true).unwrap();
+    assert_eq!(meta.headers.len(), 1, "{} has several parts", path.display());
+    let names: Vec<String> = meta.headers[0].channels.list.iter().map(|c| c.name.to_string()).collect();
+    assert_eq!(names, ["B", "G", "R"], "channels of {}", path.display());
+    let size = meta.headers[0].layer_size;
+    let picture = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgb_channels(
+            |size, _| (size.width(), vec![[0.0f32; 3]; size.area()]),
+            |(width, pixels), at, (r, g, b): (f32, f32, f32)| pixels[at.y() * *width + at.x()] = [r, g, b],
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(path)
+        .unwrap();
+    ([size.width(), size.height()], picture.layer_data.channel_data.pixels.1)
+}
+
+pub fn png_size(path: &Path) -> [usize; 2] {
+    let picture = image::open(path).unwrap();
+    [picture.width() as usize, picture.height() as usize]
+}
+
+/// The largest difference of two pictures relative to the largest value of the second.
+pub fn difference(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let largest = b.iter().flatten().fold(0.0f32, |most, value| most.max(value.abs()));
+    let pairs = a.iter().flatten().zip(b.iter().flatten());
+    f64::from(pairs.fold(0.0f32, |most, (a, b)| most.max((a - b).abs())) / largest)
+}
+
+/// Writes an RGBA picture of 32-bit floats.
+pub fn write_rgba_exr(
+    path: &Path,
+    [width, height]: [usize; 2],
+    pixel: impl Fn(usize, usize) -> [f32; 4] + Sync,
+) {
+    exr::prelude::write_rgba_file(path, width, height, |x, y| {
+        let [r, g, b, a] = pixel(x, y);
+        (r, g, b, a)
+    })
+    .unwrap();
+}
