@@ -60,10 +60,10 @@ impl Keeper {
     }
 }
 
-/// FNV-1a over everything that the path of a solve depends on; limits may change between its parts.
+/// A hash of everything that the path of a solve depends on; limits may change between its parts.
 fn fingerprint(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let settings = &scene.solve;
-    let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+    let mut hash = Mixed(0);
     let words = format!(
         "{:?} {:?} {:?} {:?} {:?} {} {:?} {:?} {:?}",
         settings.solver,
@@ -92,10 +92,11 @@ fn fingerprint(scene: &Scene, problem: &LightMapProblem) -> u64 {
     hash.0
 }
 
-struct Fnv(u64);
+/// FxHash: a rotation, so that two flips of a sign do not undo each other, and a multiplication a word.
+struct Mixed(u64);
 
-impl Fnv {
+impl Mixed {
     fn add(&mut self, word: u64) {
-        self.0 = (self.0 ^ word).wrapping_mul(0x0000_0100_0000_01b3);
+        self.0 = (self.0.rotate_left(5) ^ word).wrapping_mul(0x517c_c1b7_2722_0a95);
     }
 }

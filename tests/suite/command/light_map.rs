@@ -22,10 +22,17 @@ fn solved(desk: &Desk, folder: &str, more: &[&str]) -> Vec<[f32; 3]> {
 fn all_results_are_written_and_read_back() {
     let desk = Desk::new();
     let ran = desk.done(&SOLVE);
-    let mut expected: Vec<String> =
-        ["light_map.exr", "light_map.png", "coverage.png", "report.json", "report.html", "checkpoint"]
-            .map(String::from)
-            .to_vec();
+    let mut expected: Vec<String> = [
+        "light_map.exr",
+        "light_map.png",
+        "light_map.json",
+        "coverage.png",
+        "report.json",
+        "report.html",
+        "checkpoint",
+    ]
+    .map(String::from)
+    .to_vec();
     for view in ["left", "right"] {
         for kind in ["target", "before", "after", "difference"] {
             for ending in ["exr", "png"] {
