@@ -6,7 +6,6 @@ pub mod image;
 pub mod npy;
 pub mod obj;
 pub mod scene_file;
-mod until_failure;
 mod whole;
 
 pub use checkpoint::Checkpoint;

@@ -8,7 +8,6 @@ use npyz::{DType, WriteOptions, WriterBuilder};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::until_failure::UntilFailure;
 use super::whole::{write_whole, write_whole_seekable};
 use crate::{Error, Result};
 
@@ -85,14 +84,30 @@ fn write_array<T: npyz::AutoSerialize>(
 
 fn write_members<I: Copy + TryInto<usize>>(
     file: &mut BufWriter<&File>,
+    shape: (usize, usize),
+    indptr: &[i64],
+    indices: &[I],
+    data: &[f32],
+) -> io::Result<()> {
+    let mut archive = ZipWriter::new(file);
+    match write_members_to(&mut archive, shape, indptr, indices, data) {
+        Ok(()) => archive.finish().map(drop).map_err(io::Error::from),
+        Err(error) => {
+            // Dropped unfinished it would try again to finish, and print what it then meets.
+            std::mem::forget(archive);
+            Err(error)
+        }
+    }
+}
+
+fn write_members_to<I: Copy + TryInto<usize>>(
+    mut archive: &mut ZipWriter<&mut BufWriter<&File>>,
     (rows, columns): (usize, usize),
     indptr: &[i64],
     indices: &[I],
     data: &[f32],
 ) -> io::Result<()> {
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true);
-    // An archive that is dropped unfinished tries again to finish, and prints what it then meets.
-    let mut archive = ZipWriter::new(UntilFailure::new(file));
     let columns_of_values = || indices.iter().map(|&index| column(index));
     archive.start_file("indices.npy", options)?;
     if i32::try_from(columns).is_ok() {
@@ -107,9 +122,7 @@ fn write_members<I: Copy + TryInto<usize>>(
     archive.start_file("shape.npy", options)?;
     write_array(&mut archive, &[2], [rows as i64, columns as i64].into_iter())?;
     archive.start_file("data.npy", options)?;
-    write_array(&mut archive, &[data.len()], data.iter().copied())?;
-    archive.finish()?;
-    Ok(())
+    write_array(&mut archive, &[data.len()], data.iter().copied())
 }
 
 /// `b'csr'` as an array of no axes, which is how `scipy.sparse.save_npz` says what the other members mean.

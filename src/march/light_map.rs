@@ -336,7 +336,7 @@ impl<F: Real> CellRay<F> {
                 break;
             }
             for (axis, comes) in [(0, x_first), (1, !x_first)] {
-                line[axis] = line[axis] + if comes { step[axis] } else { F::zero() };
+                line[axis] += if comes { step[axis] } else { F::zero() };
                 let onwards = if ahead[axis] { 1 } else { usize::MAX };
                 cell[axis] = cell[axis].wrapping_add(if comes { onwards } else { 0 });
             }
