@@ -141,11 +141,11 @@ pub enum Fault {
 impl Error {
     /// Whether the input or the machine is at fault.
     pub fn fault(&self) -> Fault {
-        use std::io::ErrorKind::{OutOfMemory, QuotaExceeded, StorageFull};
+        use std::io::ErrorKind::{FileTooLarge, OutOfMemory, QuotaExceeded, StorageFull};
         match self {
             Self::Machine(_) => Fault::Machine,
             Self::File { source, .. }
-                if matches!(source.kind(), StorageFull | QuotaExceeded | OutOfMemory) =>
+                if matches!(source.kind(), StorageFull | QuotaExceeded | FileTooLarge | OutOfMemory) =>
             {
                 Fault::Machine
             }

@@ -92,8 +92,8 @@ pub(crate) struct RenderArguments {
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
     pub(crate) output: OutputArguments,
-    /// The light map to render with: an EXR, PNG or HDR file of any size. It lies where the JSON file beside it says,
-    /// as `light-map` writes it, else where the scene's light map does.
+    /// The light map to render with: an EXR, PNG or HDR file of any size. It lies where its `.placement.json`
+    /// says, as `light-map` writes it, else where the scene's light map does.
     #[arg(long, value_name = "FILE")]
     pub(crate) light_map: Option<PathBuf>,
 }

@@ -48,12 +48,12 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
             }
         }
         if saved.elapsed() > CHECKPOINT_EVERY {
-            checkpoint.write(history, &state()?)?;
+            checkpoint.keep(history, &state()?);
             saved = Instant::now();
         }
         Ok(if interrupted() { Control::Stop } else { Control::Continue })
     })?;
-    checkpoint.write(&solved.outcome.history, &solved.state)?;
+    checkpoint.write(&folder.file("checkpoint"), &solved.outcome.history, &solved.state)?;
 
     steps.begin("assessing", None);
     let views = scene.views.len();
@@ -81,10 +81,11 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
         after: &after,
         adjoint_error,
     };
-    folder.write_bytes("light_map.json", Placement::of(&problem.maps).to_json()?.as_bytes())?;
+    folder.write_bytes("light_map.placement.json", Placement::of(&problem.maps).to_json()?.as_bytes())?;
     let report = findings.report(steps.finish());
     folder.write_bytes("report.json", report.to_json()?.as_bytes())?;
     folder.write_bytes("report.html", report::html(&report, &in_page)?.as_bytes())?;
+    folder.publish()?;
     manners.print(&report.to_json()?, &summary(&report, &folder));
     let was_interrupted = solved.outcome.stop.reason == StopReason::Interrupted;
     Ok(if was_interrupted { Done::Interrupted } else { Done::Completely })
@@ -142,7 +143,7 @@ fn preview(scene: &Scene, problem: &LightMapProblem, folder: &Folder, texels: &[
         let after = render(scene, &problem.maps, Some(texels), view)?.after;
         folder.write_picture(&format!("{}_after", seen.name), &after, scene.exposure)?;
     }
-    Ok(())
+    folder.publish()
 }
 
 fn light_map_picture(problem: &LightMapProblem, texels: Vec<Rgb>) -> Result<Image> {

@@ -43,6 +43,7 @@ pub(super) fn run(arguments: &MatrixArguments, manners: &Manners) -> Result<Done
         .flat_map(|pixel| [pixel.view as f32, pixel.x as f32, pixel.y as f32, pixel.weight])
         .collect();
     io::npy::write_f32(&folder.file("rows.npy"), &[rows, 4], &described)?;
+    folder.publish()?;
     steps.finish();
     let json = serde_json::json!({ "rows": rows, "columns": columns, "nonzeros": matrix.nnz() });
     let words = format!("T: {rows} × {columns}, {} non-zeros, in {}", matrix.nnz(), folder.path().display());

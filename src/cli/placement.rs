@@ -1,3 +1,5 @@
+use std::fs::File;
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
@@ -7,6 +9,9 @@ use super::to_json;
 use crate::problem::Maps;
 use crate::scene::Extent;
 use crate::{Error, Result};
+
+/// Bytes of a placement at most.
+const LONGEST: u64 = 1 << 16;
 
 /// Where a light map lies in the world; written beside it, for other programs and for `render`.
 ///
@@ -43,14 +48,16 @@ impl Placement {
 
     /// The extent that is written beside a light map; none where nothing is.
     ///
-    /// Errors: [`Error::Format`] when the file is there and says nothing usable.
+    /// Errors: [`Error::File`] when it is there and cannot be read, [`Error::Format`] when it says nothing usable.
     pub(super) fn beside(light_map: &Path) -> Result<Option<Extent>> {
-        let path = light_map.with_extension("json");
-        let text = match std::fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        let path = light_map.with_extension("placement.json");
+        let mut text = String::new();
+        let read = File::open(&path).and_then(|file| file.take(LONGEST).read_to_string(&mut text));
+        match read {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             Err(source) => return Err(Error::File { action: "read", path, source }),
-        };
+            Ok(_) => {}
+        }
         let unusable =
             |reason: String| Error::Format { path: path.clone(), format: "light map placement", reason };
         let placement: Self = serde_json::from_str(&text).map_err(|error| unusable(error.to_string()))?;

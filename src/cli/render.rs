@@ -33,9 +33,10 @@ pub(super) fn run(arguments: &RenderArguments, manners: &Manners) -> Result<Done
         let texels = light_map.as_ref().map(|picture| &picture.pixels[..]);
         let rendering = render(&scene, &maps, texels, view)?;
         folder.write_picture(&seen.name, &rendering.after, scene.exposure)?;
-        written.push(folder.file(&format!("{}.png", seen.name)).display().to_string());
+        written.push(folder.path().join(format!("{}.png", seen.name)).display().to_string());
         steps.advance(view as u64 + 1, String::new());
     }
+    folder.publish()?;
     steps.finish();
     manners.print(&to_json(&written)?, &written.join("\n"));
     Ok(Done::Completely)

@@ -1,33 +1,56 @@
 use std::path::{Path, PathBuf};
 
+use tempfile::TempDir;
+
 use crate::problem::Rendering;
 use crate::scene::{Image, Rgb};
 use crate::{Error, Result};
 use crate::{io, report};
 
 /// The folder that a command writes its results to.
+///
+/// They are made in a folder inside it and moved out of that together, so that a disk that fills up half-way leaves
+/// the results that were there as they were.
 #[derive(Debug)]
-pub(crate) struct Folder(PathBuf);
+pub(crate) struct Folder {
+    path: PathBuf,
+    making: TempDir,
+}
 
 impl Folder {
     /// Creates the folder, and makes sure before any work is done that it can be written.
     pub(crate) fn create(asked: Option<PathBuf>, scene: &Path) -> Result<Self> {
         let path = asked.unwrap_or_else(|| Path::new("out").join(scene.file_stem().unwrap_or_default()));
-        let failed = |action: &'static str| {
-            let path = path.clone();
-            move |source| Error::File { action, path, source }
-        };
-        std::fs::create_dir_all(&path).map_err(failed("create the folder"))?;
-        tempfile::NamedTempFile::new_in(&path).map_err(failed("write into"))?;
-        Ok(Self(path))
+        std::fs::create_dir_all(&path).map_err(failed("create the folder", &path))?;
+        let making = tempfile::Builder::new().prefix(".unscatter-").tempdir_in(&path);
+        let making = making.map_err(failed("write into", &path))?;
+        Ok(Self { path, making })
     }
 
     pub(crate) fn path(&self) -> &Path {
-        &self.0
+        &self.path
     }
 
+    /// Where a result is made before it is published.
     pub(crate) fn file(&self, name: &str) -> PathBuf {
-        self.0.join(name)
+        self.making.path().join(name)
+    }
+
+    /// Moves everything that has been made to its place, over what was there.
+    ///
+    /// Errors: [`Error::File`] before anything is moved when a folder is in the way.
+    pub(crate) fn publish(&self) -> Result<()> {
+        let made = std::fs::read_dir(self.making.path())
+            .and_then(|made| made.map(|result| Ok(result?.file_name())).collect::<std::io::Result<Vec<_>>>())
+            .map_err(failed("read", self.making.path()))?;
+        if let Some(place) = made.iter().map(|name| self.path.join(name)).find(|place| place.is_dir()) {
+            return Err(failed("replace", &place)(std::io::ErrorKind::IsADirectory.into()));
+        }
+        for name in made {
+            let place = self.path.join(&name);
+            std::fs::rename(self.making.path().join(name), &place).map_err(failed("replace", &place))?;
+        }
+        Ok(())
     }
 
     /// Writes a picture as EXR, as radiance, and as PNG; gives back the PNG file.
@@ -45,14 +68,13 @@ impl Folder {
 
     pub(crate) fn write_bytes(&self, name: &str, bytes: &[u8]) -> Result<()> {
         let path = self.file(name);
-        io::write_whole(&path, |file| {
-            file.write_all(bytes).map_err(|source| Error::File {
-                action: "write",
-                path: path.clone(),
-                source,
-            })
-        })
+        io::write_whole(&path, |file| file.write_all(bytes).map_err(failed("write", &path)))
     }
+}
+
+fn failed(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Error {
+    let path = path.to_owned();
+    move |source| Error::File { action, path, source }
 }
 
 /// The pictures of one view.

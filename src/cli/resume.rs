@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::results::Folder;
 use crate::io::Checkpoint;
@@ -19,10 +19,17 @@ pub(super) struct Keeper {
 
 impl Keeper {
     pub(super) fn new(folder: &Folder, scene: &Scene, problem: &LightMapProblem) -> Self {
-        Self { path: folder.file("checkpoint"), fingerprint: fingerprint(scene, problem) }
+        Self { path: folder.path().join("checkpoint"), fingerprint: fingerprint(scene, problem) }
     }
 
-    pub(super) fn write(&self, history: &History, state: &State) -> Result<()> {
+    /// Writes the checkpoint where [`Keeper::read`] finds it; a failure is no reason to lose the solve.
+    pub(super) fn keep(&self, history: &History, state: &State) {
+        if let Err(error) = self.write(&self.path, history, state) {
+            tracing::warn!("no checkpoint: {error}");
+        }
+    }
+
+    pub(super) fn write(&self, path: &Path, history: &History, state: &State) -> Result<()> {
         let [r, s] = [history.start.residual, history.start.normal_residual];
         let start = [&r[..], &s[..], &[history.restarts as f64, history.least_true]].concat();
         let entries = history.progress.iter().flat_map(|entry| {
@@ -32,7 +39,7 @@ impl Keeper {
         });
         let mut blocks = vec![start, entries.collect(), state.scalars.clone()];
         blocks.extend(state.vectors.iter().map(|vector| vector.as_flattened().to_vec()));
-        Checkpoint { fingerprint: self.fingerprint, blocks }.write(&self.path)
+        Checkpoint { fingerprint: self.fingerprint, blocks }.write(path)
     }
 
     pub(super) fn read(&self) -> Result<Paused> {

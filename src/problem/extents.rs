@@ -98,7 +98,8 @@ fn seen_by_views(scene: &Scene, frame: &LightFrame) -> Extent {
 
 /// The shadow of a view ray on the plane of the light.
 fn seen_along(scene: &Scene, frame: &LightFrame, ray: &Ray, length: f64) -> Extent {
-    let end = length.min(scene.medium.reach(FADED));
+    let bound = if length.is_finite() { scene.solve.transmittance_bound } else { FADED };
+    let end = length.min(scene.medium.reach(bound));
     [0.0, end].into_iter().fold(Extent::NOTHING, |extent, t| {
         let p = frame.light_from_world(ray.at(t));
         extent.include(DVec2::new(p.x, p.y))

@@ -25,7 +25,7 @@ fn all_results_are_written_and_read_back() {
     let mut expected: Vec<String> = [
         "light_map.exr",
         "light_map.png",
-        "light_map.json",
+        "light_map.placement.json",
         "coverage.png",
         "report.json",
         "report.html",
@@ -254,6 +254,24 @@ fn a_checkpoint_of_other_geometry_is_refused() {
         desk.run(&with(&["--resume", "--set", change])).exits_with(1).tells("solve again without --resume");
     }
     desk.done(&with(&["--resume"]));
+}
+
+/// Its rays differ in nothing but the sign of one number each, and there is an even number of them.
+#[test]
+fn a_checkpoint_of_a_camera_on_the_other_side_is_refused() {
+    let mut scene = scene_with("/target", json!("radiance"));
+    scene["occluders"] = json!([]);
+    scene["light"]["direction"] = json!([0, -1, 0.2]);
+    scene["views"].as_array_mut().unwrap().truncate(1);
+    scene["views"][0]["camera"]["to_world"] = json!({ "translate": [2, 1, 5] });
+    for map in ["light_map", "shadow_map"] {
+        scene[map]["extent"] = json!({ "min": [-400, -400], "max": [400, 400] });
+    }
+    let desk = Desk::with(&scene);
+    let report = desk.done(&with(&["--iterations", "2", "--json"])).json();
+    assert_eq!(report["problem"]["rows"].as_u64().unwrap() % 2, 0);
+    let other = "views[0].camera.to_world.translate[0]=-2";
+    desk.run(&with(&["--resume", "--set", other])).exits_with(1).tells("solve again without --resume");
 }
 
 /// After few iterations: with many, conjugate gradients make more of every rounding where rays hardly reach.

@@ -85,6 +85,28 @@ fn a_write_that_fails_leaves_earlier_results_and_no_pieces() {
     }
 }
 
+/// The disk fills up when some results are written and others are not: the folder must not hold a mixture.
+#[cfg(unix)]
+#[test]
+fn results_are_replaced_together_or_not_at_all() {
+    let mut scene = super::scene_with("/light_map/size", serde_json::json!(8));
+    for view in 0..2 {
+        scene["views"][view]["camera"]["size"] = serde_json::json!([320, 180]);
+        scene["views"][view]["strokes"] =
+            serde_json::json!([{ "points": [[160, 60]], "radius": 3, "color": "#ff4020" }]);
+    }
+    let desk = Desk::with(&scene);
+    desk.done(&["light-map", "scene.json", "-o", "out"]);
+    let before = desk.files("out");
+    let ran =
+        run_with_files_up_to(&desk, 64, &["light-map", "scene.json", "-o", "out", "--set", "medium.g=0.5"]);
+    assert!(matches!(ran.code, Some(1 | 3)), "{ran:?}");
+    let after = desk.files("out");
+    let changed: Vec<&String> =
+        before.iter().zip(&after).filter(|(a, b)| a != b).map(|((name, _), _)| name).collect();
+    assert!(changed.is_empty() && before.len() == after.len(), "{changed:?} were replaced");
+}
+
 /// On a disk that is full: exit 3, and everything as it was. Needs a kernel that gives a test a disk of its own.
 #[cfg(target_os = "linux")]
 #[test]

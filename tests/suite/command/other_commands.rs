@@ -37,6 +37,36 @@ fn render_with_the_solved_light_map_is_the_picture_after() {
     }
 }
 
+/// A light map lies where its solve has put it, whatever the scene says now.
+#[test]
+fn render_puts_a_light_map_where_its_solve_had_it() {
+    let desk = Desk::new();
+    desk.done(&["light-map", "scene.json", "-o", "out"]);
+    let render = |folder: &str| {
+        let moved = r#"light_map.extent={"min": [-3, -3], "max": [3, 3]}"#;
+        let light_map = ["--light-map", "out/light_map.exr", "--set", moved];
+        desk.run(&[&["render", "scene.json", "-o", folder], &light_map[..]].concat())
+    };
+    render("views").exits_with(0);
+    let picture = |name: &str| exr(&desk.path(name)).1;
+    assert!(difference(&picture("views/left.exr"), &picture("out/left_after.exr")) < SAME_SOLUTION);
+    for damage in [
+        &b""[..],
+        b"{}",
+        b"\xff",
+        br#"{"size": [32, 32], "min": [0, 0], "max": [0, 1], "u": [1,0,0], "v": [0,1,0], "w": [0,0,1]}"#,
+    ] {
+        desk.put("out/light_map.placement.json", damage);
+        render("damaged").exits_with(1).tells("light_map.placement.json");
+    }
+    assert!(desk.names("damaged").is_empty());
+    fs::remove_file(desk.path("out/light_map.placement.json")).unwrap();
+    render("elsewhere").exits_with(0);
+    assert!(
+        difference(&picture("elsewhere/left.exr"), &picture("out/left_after.exr")) > 10.0 * SAME_SOLUTION
+    );
+}
+
 #[test]
 fn render_takes_a_scene_without_paint() {
     let mut scene = scene_with("/views/0/strokes", json!([]));
