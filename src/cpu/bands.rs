@@ -2,8 +2,10 @@ use std::ops::Range;
 
 /// Elements a block: bands begin and end at multiples of it.
 const BLOCK: usize = 64;
-/// Bands that the work is shared among: enough for the threads of a workstation to balance.
-const SHARES: u64 = 32;
+/// Bands that the work is shared among, at least and at most: enough for the threads of a workstation to balance.
+const SHARES: [u64; 2] = [8, 32];
+/// Non-zeros that a row should have in each band, so that they and not their offsets take the time.
+const IN_BAND: u64 = 32;
 /// Elements a band at most, so that 16 bits tell them apart.
 const LONGEST: usize = 1 << 16;
 
@@ -18,11 +20,13 @@ pub(super) struct Bands {
 }
 
 impl Bands {
-    /// Bands over elements whose blocks were visited as often as `visits` says.
-    pub(super) fn balanced(elements: usize, visits: &[u64]) -> Self {
+    /// Bands over elements whose blocks were visited as often as `visits` says, by so many rows.
+    pub(super) fn balanced(elements: usize, visits: &[u64], rows: usize) -> Self {
         let blocks = elements.div_ceil(BLOCK);
         let visits_of = |block: usize| visits.get(block).copied().unwrap_or(0);
-        let share = (visits.iter().sum::<u64>() / SHARES).max(1);
+        let visited = visits.iter().sum::<u64>();
+        let shares = (visited / rows.max(1) as u64 / IN_BAND).clamp(SHARES[0], SHARES[1]);
+        let share = (visited / shares).max(1);
         let (mut ranges, mut of_block) = (Vec::new(), Vec::with_capacity(blocks));
         let (mut start, mut sum) = (0, 0);
         for block in 0..blocks {
@@ -91,7 +95,7 @@ mod tests {
                 let visits: Vec<u64> = (0..Bands::blocks(elements) as u64)
                     .map(|block| (block * 7919 + seed) % 13 * seed)
                     .collect();
-                let bands = Bands::balanced(elements, &visits);
+                let bands = Bands::balanced(elements, &visits, 7);
                 let mut values = vec![0u8; elements];
                 let mut next = 0;
                 for (number, band) in bands.split(&mut values).into_iter().enumerate() {

@@ -45,7 +45,7 @@ impl WalkPlan {
             .iter()
             .flat_map(|count| count.iter().enumerate())
             .for_each(|(block, count)| visits[block] += count);
-        let bands = Bands::balanced(elements, &visits);
+        let bands = Bands::balanced(elements, &visits, sampled.len());
         let per_row = visits.iter().sum::<u64>() as f64 / sampled.len().max(1) as f64;
         let nonzeros = (per_row * rows as f64).ceil();
         let bytes =
