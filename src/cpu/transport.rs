@@ -69,7 +69,7 @@ pub struct Storage {
 
 /// `T` of a traversal as an operator: kept where memory allows, walked again where not.
 ///
-/// Shapes  x: [elements], y: [rows], three channels each
+/// Shapes  x: elements, y: rows, three channels each
 /// Law     ⟨T x, y⟩ = ⟨x, Tᵀ y⟩, held by tests/suite/operator.rs
 /// Cost    one multiplication a non-zero that is kept, one walk a row that is not; bit-identical for any
 ///         number of threads; kept and walked rows agree to rounding, not to the bit

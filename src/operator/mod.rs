@@ -72,10 +72,10 @@ pub trait Vector: Sized {
 
 /// Vectors whose elements can be picked out and put back by index.
 pub trait Indexed: Vector {
-    /// self[k] ← other[index[k]].
+    /// `self[k] ← other[index[k]]`.
     fn pick(&mut self, other: &Self, index: &[u32]);
 
-    /// self ← 0 but self[index[k]] ← other[k].
+    /// `self ← 0`, but `self[index[k]] ← other[k]`.
     fn place(&mut self, other: &Self, index: &[u32]);
 
     /// A new vector of `len` elements, all zero, where this one lives.
