@@ -30,8 +30,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             document: citadel::document(),
             shafts: citadel::shafts(),
             share: 0.42,
-            brush: 0.39,
-            pixels: 40_500..=42_500,
+            brush: 0.395,
+            pixels: 41_240..=42_500,
         },
         Demo {
             document: forest::document(),
