@@ -11,12 +11,12 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec2, DVec3};
 use unscatter::cpu::{Transport, WalkPlan};
 use unscatter::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use unscatter::operator::{CpuVector, Identity, LinearOperator, Stacked, Vector};
+use unscatter::operator::{Blocks, CpuVector, Identity, LinearOperator, Stacked, Vector};
 use unscatter::problem::LightMapProblem;
 use unscatter::scene::{
     Basis, Camera, Extent, FovAxis, Grid, LightFrame, Medium, Quadrature, ShadowMap, Strategy, look_at,
 };
-use unscatter::solve::{Cgls, Control, LeastSquares, Limits, drive};
+use unscatter::solve::{Beginning, Cgls, Control, LeastSquares, Limits, drive};
 
 /// Rows of pillars under a slanted sun, seen from three places; 41,240 rays through a disc of pixels of each view.
 fn paper_size(basis: Basis, quadrature: Quadrature) -> LightMapTraversal {
@@ -65,16 +65,17 @@ fn build(traversal: &LightMapTraversal, strategy: Strategy) -> Transport<LightMa
 
 fn solve(operator: &Transport<LightMapTraversal, f32, 1>) -> f32 {
     let pull = Identity::scaled(&operator.domain(), [0.05; 3]);
-    let stacked = Stacked::new(operator, pull).unwrap();
+    let stacked = Stacked::new(operator).over(pull).unwrap();
     let mut targets = operator.range();
     for (index, target) in targets.0.iter_mut().enumerate() {
         *target = std::array::from_fn(|c| ((index / 700 + c) % 3) as f32 * 0.02);
     }
-    let rhs = (targets, operator.domain());
+    let rhs = Blocks(vec![targets, operator.domain()]);
     let mut method = Cgls::new(&stacked);
-    let limits = Limits { iterations: 32, tolerance: 0.0, time: None };
-    let problem = LeastSquares { operator: &stacked, rhs: &rhs };
-    drive(&mut method, &problem, &stacked.domain(), &limits, None, |_, _| Ok(Control::Continue)).unwrap();
+    let limits = Limits::new(32, 0.0);
+    let problem = LeastSquares::new(&stacked, &rhs);
+    let start = stacked.domain();
+    drive(&mut method, &problem, Beginning::At(&start), &limits, |_, _| Ok(Control::Continue)).unwrap();
     use unscatter::solve::Method;
     method.solution().0[0][0]
 }
@@ -118,7 +119,7 @@ fn citadel(criterion: &mut Criterion) {
         b.iter(|| {
             let operator = problem.operator(&scene, u64::MAX).unwrap();
             let coverage = operator.squares(&problem.weights()).unwrap();
-            let each = |_: &_, _: &dyn Fn() -> _, _: &dyn Fn() -> _| Ok(Control::Continue);
+            let each = |_: &_, _: &mut _| Ok(Control::Continue);
             black_box(
                 unscatter::problem::solve(&problem, &operator, &coverage, &scene.solve, None, each).unwrap(),
             )

@@ -79,7 +79,7 @@ fn main() -> unscatter::Result<()> {
     // How much each texel is seen; texels that no painted ray reaches stay as they are.
     let coverage = operator.squares(&problem.weights())?;
 
-    let solved = solve(&problem, &operator, &coverage, &scene.solve, None, |_, _, _| Ok(Control::Continue))?;
+    let solved = solve(&problem, &operator, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue))?;
     let start = CpuVector(vec![problem.start; problem.maps.light_map.len()]);
     let assessor = Assessor::new(&problem, &operator)?;
     let before = assessor.assess(&start, scene.views.len())?.all;

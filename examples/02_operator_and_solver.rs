@@ -14,11 +14,13 @@ use glam::{DVec2, DVec3};
 use unscatter::cpu::{Transport, WalkPlan};
 use unscatter::io::image::write_png;
 use unscatter::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use unscatter::operator::{CpuVector, Identity, LinearOperator, Stacked, Vector, adjoint_test};
+use unscatter::operator::{
+    Blocks, Bounds, CpuVector, Identity, LinearOperator, Stacked, Vector, adjoint_test,
+};
 use unscatter::scene::{
     Basis, Camera, Extent, FovAxis, Grid, Image, LightFrame, Medium, Quadrature, ShadowMap, Strategy, look_at,
 };
-use unscatter::solve::{Cgls, Control, LeastSquares, Limits, Method, drive};
+use unscatter::solve::{Beginning, Control, Fista, LeastSquares, Limits, Method, Mprgp, Scaling, drive};
 use unscatter::sparse::ExplicitMatrix;
 
 /// Texels along each side of the light map.
@@ -66,6 +68,15 @@ fn relative_difference(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
     (difference / squares(&mut b.iter().flatten().copied())).sqrt()
 }
 
+/// Aᵀ A 1: for a matrix without negative weights a diagonal that majorizes Aᵀ A.
+fn scaling<O: LinearOperator>(operator: &O) -> unscatter::Result<Scaling<O::Domain>> {
+    let (mut ones, mut sums) = (operator.domain(), operator.range());
+    ones.fill([1.0; 3]);
+    operator.apply(&ones, &mut sums)?;
+    operator.apply_adjoint(&sums, &mut ones)?;
+    Ok(Scaling::new(ones, true))
+}
+
 fn main() -> unscatter::Result<()> {
     let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("out"), PathBuf::from);
     let traversal = traversal()?;
@@ -90,28 +101,31 @@ fn main() -> unscatter::Result<()> {
         relative_difference(&picture.to_host()?, &y.to_host()?)
     );
 
-    // min ½‖T x − b‖² + ½ λ ‖x‖² is the plain problem of T stacked on √λ times the identity.
+    // min ½‖T x − b‖² + ½ λ ‖x‖², x ≥ 0 is the plain problem of T stacked on √λ times the identity, with a bound.
     let start = operator.domain();
-    let regularized = Stacked::new(&operator, Identity::scaled(&start, [LAMBDA.sqrt(); 3]))?;
-    let rhs = (picture, start.zeros_like());
-    let problem = LeastSquares { operator: &regularized, rhs: &rhs };
-    let mut method = Cgls::new(&regularized);
-    let limits = Limits { iterations: 60, tolerance: 1e-4, time: None };
-    let outcome = drive(&mut method, &problem, &start, &limits, None, |history, _| {
+    let regularized = Stacked::new(&operator).over(Identity::scaled(&start, [LAMBDA.sqrt(); 3]))?;
+    let rhs = Blocks(vec![picture, start.zeros_like()]);
+    let scaling = scaling(&regularized)?;
+    let problem = LeastSquares::new(&regularized, &rhs).bounded(Bounds::NOT_NEGATIVE).scaled(&scaling);
+    let mut method = Fista::new(&regularized);
+    let limits = Limits::new(200, 1e-4);
+    let outcome = drive(&mut method, &problem, Beginning::At(&start), &limits, |history, _| {
         if let Some(last) = history.progress.last().filter(|last| last.iteration % 10 == 0) {
-            println!("iteration {:3}: residual {:.2e}", last.iteration, last.residual[0]);
+            println!("iteration {:3}: projected gradient {:.2e}", last.iteration, last.normal_residual[0]);
         }
         Ok(Control::Continue)
     })?;
     println!("stopped by {} after {}", outcome.stop.reason.name(), outcome.stop.iteration);
+    println!("certificate: {:.1e} of the gradient at the start", outcome.true_normal_residual[0]);
 
-    // The same method on the explicit matrix finds the same light map.
-    let pull = Identity::scaled(&explicit.domain(), [LAMBDA.sqrt(); 3]);
-    let regularized = Stacked::new(&explicit, pull)?;
-    let rhs = (y, explicit.domain());
-    let mut check = Cgls::new(&regularized);
-    let problem = LeastSquares { operator: &regularized, rhs: &rhs };
-    drive(&mut check, &problem, &explicit.domain(), &limits, None, |_, _| Ok(Control::Continue))?;
+    // Another method on the explicit matrix in f64 finds the same light map.
+    let zero = explicit.domain();
+    let regularized = Stacked::new(&explicit).over(Identity::scaled(&zero, [LAMBDA.sqrt(); 3]))?;
+    let rhs = Blocks(vec![y, explicit.domain()]);
+    let check_scaling = self::scaling(&regularized)?;
+    let problem = LeastSquares::new(&regularized, &rhs).bounded(Bounds::NOT_NEGATIVE).scaled(&check_scaling);
+    let mut check = Mprgp::new(&regularized);
+    drive(&mut check, &problem, Beginning::At(&zero), &limits, |_, _| Ok(Control::Continue))?;
     let (found, expected) = (method.solution().to_host()?, check.solution().to_host()?);
     println!("light map against the explicit matrix: {:.1e}", relative_difference(&found, &expected));
 

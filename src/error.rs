@@ -158,6 +158,14 @@ impl Error {
         Self::Value { path: path.into(), value: value.to_string(), expected }
     }
 
+    /// The same error, saying in which iteration a [`Error::Curvature`] was met.
+    pub(crate) fn in_iteration(self, iteration: usize) -> Self {
+        match self {
+            Self::Curvature { value, .. } => Self::Curvature { value, iteration },
+            other => other,
+        }
+    }
+
     /// The same error with `prefix` put before the path of a [`Error::Value`], as errors travel
     /// outwards through a document.
     pub fn inside(self, prefix: &str) -> Self {

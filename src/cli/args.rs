@@ -66,15 +66,20 @@ pub(crate) struct LightMapArguments {
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
     pub(crate) output: OutputArguments,
-    /// The method, instead of the scene's.
+    /// The method, instead of the scene's: fista, spectral, lbfgs, mprgp, flexible-cgls or clamped-cgls within bounds;
+    /// cgls, lsqr or lsmr without.
     #[arg(long, value_name = "NAME")]
     pub(crate) solver: Option<String>,
     /// Iterations at most, instead of the scene's.
     #[arg(long, value_name = "N")]
     pub(crate) iterations: Option<u32>,
-    /// Stop when the normal residual has fallen to this part of its start, instead of the scene's.
+    /// Stop when the projected gradient (for solvers without bounds, the normal residual) has fallen to this part of its
+    /// start, instead of the scene's.
     #[arg(long, value_name = "X")]
     pub(crate) tolerance: Option<f64>,
+    /// Fill texels that no painted ray reaches from their neighbours, for hand-off.
+    #[arg(long)]
+    pub(crate) fill: bool,
     /// Bit-identical results in every run. The CPU always gives them.
     #[arg(long)]
     pub(crate) deterministic: bool,

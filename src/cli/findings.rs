@@ -4,9 +4,11 @@ use super::{job, machine};
 use crate::operator::CpuVector;
 use crate::problem::{Assessment, LightMapOperator, LightMapProblem, Solved};
 use crate::report::{
-    Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord, ViewMatch,
+    Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord,
+    ViewMatch,
 };
-use crate::scene::{Quadrature, Scene, SolverName, Target};
+use crate::scene::{Quadrature, Rgb, Scene, SolveSettings, Target};
+use crate::solve::Outcome;
 
 /// Everything that a light-map solve has found out, to be reported.
 pub(super) struct Findings<'a> {
@@ -36,11 +38,7 @@ impl Findings<'_> {
                 Target::Radiance => "radiance",
             }
             .to_owned(),
-            solver: match self.scene.solve.solver {
-                SolverName::Cgls => "cgls",
-                SolverName::ClampedCgls => "clamped-cgls",
-            }
-            .to_owned(),
+            solver: self.scene.solve.solver.name().to_owned(),
             strategy: RowStrategy {
                 name: match (storage.kept_rows, storage.walked_rows) {
                     (_, 0) => "assembled",
@@ -52,9 +50,15 @@ impl Findings<'_> {
                 walked_rows: storage.walked_rows as u64,
             },
             problem: self.size(),
-            regularization: Regularization { tikhonov: self.solved.tikhonov, laplacian: 0.0, gradient: 0.0 },
+            regularization: Regularization {
+                tikhonov: self.solved.weights.tikhonov,
+                laplacian: self.solved.weights.laplacian,
+                gradient: self.solved.weights.gradient,
+            },
             settings: self.settings(),
             history: self.history(),
+            certificate: self.certificate(),
+            set_up_applications: self.solved.set_up_applications as u64,
             stop: StopRecord { reason: stop.reason.name().to_owned(), iteration: stop.iteration as u64 },
             weighted_residual: Change { before: self.before.all.residual, after: self.after.all.residual },
             matched: self.matched(),
@@ -97,10 +101,27 @@ impl Findings<'_> {
                 "light_from_outside_the_map",
                 format!("{:.1} % of the painted pixels' light", 100.0 * self.problem.share_from_outside()),
             ),
-            ("restarts", self.solved.outcome.history.restarts.to_string()),
+            ("bounds", bounds(solve)),
+            ("metric", format!("{:?}", solve.metric).to_lowercase()),
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .into()
+    }
+
+    fn certificate(&self) -> Certificate {
+        let Outcome { history, true_residual, true_normal_residual, .. } = &self.solved.outcome;
+        let keeps_bounds = self.scene.solve.solver.keeps_bounds();
+        let [lower, upper] = self.scene.solve.bounds;
+        let is_at_bound =
+            |texel: &Rgb| (0..3).any(|c| f64::from(texel[c]) <= lower[c] || f64::from(texel[c]) >= upper[c]);
+        let held = self.solved.light_map.iter().filter(|texel| is_at_bound(texel)).count();
+        Certificate {
+            kind: if keeps_bounds { "projected-gradient" } else { "normal-residual" }.to_owned(),
+            value: *true_normal_residual,
+            residual: *true_residual,
+            at_bounds: if keeps_bounds { held as u64 } else { 0 },
+            restarts: history.restarts as u64,
+        }
     }
 
     fn history(&self) -> Vec<Step> {
@@ -153,13 +174,16 @@ impl Findings<'_> {
             lit += extent.lit_texels;
             cut += u64::from(extent.cut_off);
         }
-        let walks = self.solved.outcome.history.progress.last().map_or(0, |last| last.operator_applications);
+        let history = &self.solved.outcome.history;
+        let last = history.progress.last();
+        let (walks, iterations) = last.map_or((0, 0), |last| (last.operator_applications, last.iteration));
         let share = |count: u64, of: u64| Share { count, of };
         [
             ("pixels", share((pixels - rows) as u64, pixels as u64)),
             ("unknowns", share(self.coverage.0.len() as u64 - self.reached(), self.coverage.0.len() as u64)),
             ("shadowed_cells", share((texels - lit) as u64, texels as u64)),
             ("dark_rays", share(cut, rows as u64)),
+            ("channel_iterations", share(history.spared as u64, 3 * iterations as u64)),
             ("walks", share((walks * self.operator.storage().kept_rows) as u64, (walks * rows) as u64)),
         ]
         .map(|(name, value)| (name.to_owned(), value))
@@ -171,12 +195,13 @@ impl Findings<'_> {
         // Where the data weigh less than the regularization, the start decides.
         let weak = self.coverage.0.iter().filter(|texel| {
             let most = f64::from(texel[0].max(texel[1]).max(texel[2]));
-            most > 0.0 && most < self.solved.tikhonov
+            most > 0.0 && most < self.solved.weights.tikhonov
         });
         Coverage {
             reached: self.reached(),
             total,
             unreached: total - self.reached(),
+            filled: self.scene.solve.fill.then(|| total - self.reached()),
             weak: Some(weak.count() as u64),
         }
     }
@@ -184,4 +209,20 @@ impl Findings<'_> {
     fn reached(&self) -> u64 {
         self.coverage.0.iter().filter(|texel| texel.iter().any(|&value| value > 0.0)).count() as u64
     }
+}
+
+/// The bounds in words.
+fn bounds(solve: &SolveSettings) -> String {
+    if !solve.solver.keeps_bounds() {
+        return "none: this solver keeps none".to_owned();
+    }
+    let words = |bound: [f64; 3], none: &str| {
+        let equal = bound[0] == bound[1] && bound[1] == bound[2];
+        match (equal, bound[0].is_finite()) {
+            (true, false) => none.to_owned(),
+            (true, true) => bound[0].to_string(),
+            _ => format!("{bound:?}"),
+        }
+    };
+    format!("from {} to {}", words(solve.bounds[0], "any"), words(solve.bounds[1], "any"))
 }

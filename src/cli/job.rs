@@ -1,7 +1,8 @@
 use super::args::SceneArguments;
 use super::machine;
+use crate::cpu::Tiling;
 use crate::problem::LightMapProblem;
-use crate::scene::Scene;
+use crate::scene::{MetricName, Scene};
 use crate::{Error, Result, io};
 
 const COLOR: usize = size_of::<[f32; 3]>();
@@ -48,6 +49,26 @@ pub(super) fn budget(scene: &Scene, problem: &LightMapProblem) -> Result<u64> {
     Ok(allowed - needed)
 }
 
+/// Leaves the metric of tiles where it would take more than its share of the memory, for one that takes next to none.
+pub(super) fn settle_metric(scene: &mut Scene, problem: &LightMapProblem) {
+    let bytes = metric_bytes(scene, problem);
+    if bytes > allowed(scene) / 4 {
+        tracing::info!(bytes, "the metric of tiles is too large; using the separable one");
+        scene.solve.metric = MetricName::Sqs;
+    }
+}
+
+/// Bytes that the metric takes at most.
+fn metric_bytes(scene: &Scene, problem: &LightMapProblem) -> u64 {
+    let texels = problem.maps.light_map.len();
+    match scene.solve.metric {
+        MetricName::Tiles if !scene.solve.solver.uses_tiles() => 0,
+        MetricName::Tiles if problem.is_grey() => Tiling::bytes::<f32, 1>(texels),
+        MetricName::Tiles => Tiling::bytes::<f32, 3>(texels),
+        _ => 0,
+    }
+}
+
 /// Bytes that every command takes at least: what is painted on the views, the shadow map and a light map.
 fn least_bytes(scene: &Scene) -> u64 {
     let texels = |size: [usize; 2]| size.iter().product::<usize>();
@@ -64,11 +85,13 @@ pub(super) fn fixed_bytes(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let texels = problem.maps.light_map.len();
     let shadow = problem.maps.shadow_map.grid().len();
     let pixels: usize = scene.views.iter().map(|view| view.camera.size().iter().product::<usize>()).sum();
-    let vectors = 8 * COLOR * texels + 8 * COLOR * rows;
+    // Beside those of the method: start, scaling, coverage, right-hand side, weights, and what operators keep.
+    let kept = crate::problem::vectors(scene.solve.solver);
+    let vectors = (kept.domain + 8) * COLOR * texels + (kept.range + 6) * COLOR * (rows + texels);
     let rays = rows * size_of::<crate::march::ViewRay>();
     // Four pictures a view, and what is painted on it.
     let pictures = pixels * (4 * COLOR + size_of::<[f32; 4]>());
-    (vectors + rays + pictures + shadow * SHADOW_TEXEL + (64 << 20)) as u64
+    (vectors + rays + pictures + shadow * SHADOW_TEXEL + (64 << 20)) as u64 + metric_bytes(scene, problem)
 }
 
 pub(super) fn mebibytes(bytes: u64) -> String {

@@ -22,12 +22,13 @@ const SEED: u64 = 1;
 pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Done> {
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
-    let scene = job::load(&arguments.scene, &arguments.solve_overrides())?;
+    let mut scene = job::load(&arguments.scene, &arguments.solve_overrides())?;
     let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
     watch_interrupt()?;
 
     steps.begin("tracing", None);
     let problem = LightMapProblem::new(&scene)?;
+    job::settle_metric(&mut scene, &problem);
     let checkpoint = resume::Keeper::new(&folder, &scene, &problem);
     let resumed = if arguments.resume { Some(checkpoint.read()?) } else { None };
 
@@ -39,16 +40,16 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
 
     steps.begin("solving", Some(scene.solve.iterations as u64));
     let mut saved = Instant::now();
-    let solved = solve(&problem, &operator, &coverage, &scene.solve, resumed, |history, state, texels| {
+    let solved = solve(&problem, &operator, &coverage, &scene.solve, resumed, |history, snapshot| {
         if let Some(last) = history.progress.last() {
             let worst = last.normal_residual.iter().copied().fold(0.0, f64::max);
             steps.advance(last.iteration as u64, format!("normal residual {worst:.1e}"));
             if arguments.preview_every.is_some_and(|every| last.iteration % every as usize == 0) {
-                preview(&scene, &problem, &folder, &texels())?;
+                preview(&scene, &problem, &folder, &snapshot.texels())?;
             }
         }
         if saved.elapsed() > CHECKPOINT_EVERY {
-            checkpoint.keep(history, &state()?);
+            checkpoint.keep(history, &snapshot.state()?);
             saved = Instant::now();
         }
         Ok(if interrupted() { Control::Stop } else { Control::Continue })
@@ -99,6 +100,7 @@ impl LightMapArguments {
             flag("solver", self.solver.clone()),
             flag("iterations", self.iterations.map(|n| n.to_string())),
             flag("tolerance", self.tolerance.map(|x| x.to_string())),
+            flag("fill", self.fill.then(|| "true".to_owned())),
         ]
         .into_iter()
         .flatten()

@@ -42,11 +42,12 @@ struct Plan {
 pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done> {
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
-    let scene = job::load(arguments, &[])?;
+    let mut scene = job::load(arguments, &[])?;
     steps.begin("tracing", None);
     let clock = Instant::now();
     let problem = LightMapProblem::new(&scene)?;
     let set_up_seconds = clock.elapsed().as_secs_f64();
+    job::settle_metric(&mut scene, &problem);
     let budget = job::budget(&scene, &problem)?;
     let rows = problem.constraints.len();
     let kept = match scene.solve.strategy {

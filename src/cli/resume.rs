@@ -4,7 +4,7 @@ use super::results::Folder;
 use crate::io::Checkpoint;
 use crate::problem::{LightMapProblem, Paused};
 use crate::scene::Scene;
-use crate::solve::{History, Measure, Progress, State};
+use crate::solve::{History, Measure, Progress, Progressing, State};
 use crate::{Error, Result};
 
 /// Numbers of one entry of the history.
@@ -31,7 +31,10 @@ impl Keeper {
 
     pub(super) fn write(&self, path: &Path, history: &History, state: &State) -> Result<()> {
         let [r, s] = [history.start.residual, history.start.normal_residual];
-        let start = [&r[..], &s[..], &[history.restarts as f64, history.least_true]].concat();
+        let settled = history.settled.map(|settled| f64::from(u8::from(settled)));
+        let Progressing { least, residual, without } = history.progressing;
+        let counts = [history.restarts, history.spared, without].map(|count| count as f64);
+        let start = [r, s, counts, settled, residual, [history.least_true, least, 0.0]].concat();
         let entries = history.progress.iter().flat_map(|entry| {
             let [r, s] = [entry.residual, entry.normal_residual];
             let counts = [entry.iteration as f64, entry.seconds, entry.operator_applications as f64];
@@ -46,7 +49,9 @@ impl Keeper {
         let wrong = || Error::Checkpoint { path: self.path.clone(), reason: "it is incomplete".to_owned() };
         let checkpoint = Checkpoint::read(&self.path, self.fingerprint)?;
         let [start, entries, scalars, vectors @ ..] = &checkpoint.blocks[..] else { return Err(wrong()) };
-        let &[r0, r1, r2, s0, s1, s2, restarts, least_true] = &start[..] else { return Err(wrong()) };
+        let ([r, s, counts, settled, residual, [least_true, least, _]], []) = start.as_chunks::<3>() else {
+            return Err(wrong());
+        };
         let (entries, rest) = entries.as_chunks::<ENTRY>();
         if entries.is_empty() || !rest.is_empty() {
             return Err(wrong());
@@ -59,9 +64,16 @@ impl Keeper {
                 residual: [r0, r1, r2],
                 normal_residual: [s0, s1, s2],
             });
-        let start = Measure { residual: [r0, r1, r2], normal_residual: [s0, s1, s2] };
-        let history =
-            History { progress: progress.collect(), start, restarts: restarts as usize, least_true };
+        let [restarts, spared, without] = counts.map(|count| count as usize);
+        let history = History {
+            progress: progress.collect(),
+            start: Measure { residual: *r, normal_residual: *s },
+            restarts,
+            least_true: *least_true,
+            settled: settled.map(|settled| settled != 0.0),
+            spared,
+            progressing: Progressing { least: *least, residual: *residual, without },
+        };
         let vectors = vectors.iter().map(|vector| vector.as_chunks::<3>().0.to_vec()).collect();
         Ok(Paused { history, state: State { vectors, scalars: scalars.clone() } })
     }
@@ -72,8 +84,10 @@ fn fingerprint(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let settings = &scene.solve;
     let mut hash = Mixed(0);
     let words = format!(
-        "{:?} {:?} {:?} {:?} {:?} {} {:?} {:?} {:?}",
+        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?} {:?}",
         settings.solver,
+        settings.bounds,
+        settings.metric,
         settings.basis,
         settings.quadrature,
         settings.regularization,

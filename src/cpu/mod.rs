@@ -1,11 +1,14 @@
-//! The consumers of a traversal on the CPU, on rayon: gather, scatter, squares.
+//! The consumers of a traversal on the CPU, on rayon: gather, scatter, squares, and
+//! the blocks of a metric.
 //!
 //! Work is cut into pieces whose number depends on the problem alone, so results are bit-identical for
 //! any number of threads.
 
 mod bands;
 mod rows;
+mod tiles;
 mod transport;
 
+pub use tiles::{Rows, TileMetric, Tiling};
 pub(crate) use transport::gather;
 pub use transport::{Storage, Transport, WalkPlan};

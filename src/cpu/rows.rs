@@ -117,6 +117,19 @@ impl<F: Real, const C: usize> Chunk<F, C> {
         }
     }
 
+    /// Visits the non-zeros of one row, band by band.
+    pub(super) fn visit(&self, row: usize, bands: &Bands, visit: &mut impl FnMut(usize, Weight<F, C>)) {
+        let (count, local) = (self.rows.len(), row - self.rows.start);
+        for band in 0..bands.len() {
+            let start = bands.range(band).start;
+            let place = band * count + local;
+            let stretch = self.offsets[place] as usize..self.offsets[place + 1] as usize;
+            for (&element, &weight) in self.elements[stretch.clone()].iter().zip(&self.weights[stretch]) {
+                visit(start + usize::from(element), weight);
+            }
+        }
+    }
+
     /// The non-zeros of each row in a band.
     #[inline(always)]
     fn stretches(&self, band: usize) -> impl Iterator<Item = (&[u16], &[Weight<F, C>])> {

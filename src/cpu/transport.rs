@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::bands::Bands;
 use super::rows::{CHUNK, Chunk, Padded, padded};
-use crate::march::{Real, Traversal, channel};
+use super::tiles::Rows;
+use crate::march::{Real, Traversal, Weight, channel};
 use crate::operator::{CpuVector, LinearOperator, Vector, expect_len};
 use crate::scene::Strategy;
 use crate::{Error, Result};
@@ -167,6 +168,19 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         let rows = self.traversal.rows();
         for start in (self.first_walked..rows).step_by(self.rows_at_once) {
             add(&self.walk_chunks(start..(start + self.rows_at_once).min(rows)), x);
+        }
+    }
+}
+
+impl<T: Traversal<f64, C>, F: Real, const C: usize> Rows<F, C> for Transport<T, F, C> {
+    fn rows(&self) -> usize {
+        self.traversal.rows()
+    }
+
+    fn visit(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
+        match self.kept.get(row / CHUNK).filter(|_| row < self.first_walked) {
+            Some(chunk) => chunk.visit(row, &self.bands, visit),
+            None => self.traversal.walk(row, &mut |element, weight| visit(element, weight.map(F::of))),
         }
     }
 }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::write_whole;
 use crate::{Error, Result};
 
-const MAGIC: &str = "unscatter checkpoint 1";
+const MAGIC: &str = "unscatter checkpoint 2";
 
 /// Named blocks of numbers, and which problem they belong to.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -1,9 +1,11 @@
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::march::Real;
 use crate::{Error, Result};
 
-use super::{Indexed, Scalars, Vector};
+use super::{Bounds, Indexed, NOWHERE, Scalars, Vector};
 
 /// Elements a task: sums are taken a piece at a time, so their order does not depend on the threads.
 const PIECE: usize = 8192;
@@ -58,6 +60,50 @@ impl<F: Real> CpuVector<F> {
     }
 }
 
+/// Whether x is at a bound of its channel and going down the gradient would leave the box.
+fn holds<F: Real>(bounds: &Bounds) -> impl Fn(usize, F, F) -> bool + Sync + use<F> {
+    let (lower, upper) = (bounds.lower().map(F::of), bounds.upper().map(F::of));
+    move |c, x, gradient| (x <= lower[c] && gradient > F::zero()) || (x >= upper[c] && gradient < F::zero())
+}
+
+fn add(a: Scalars, b: Scalars) -> Scalars {
+    std::array::from_fn(|c| a[c] + b[c])
+}
+
+/// Halves a range until it is a piece, and puts the pieces together pair by pair: the same order for any number of
+/// threads, and no memory taken.
+fn reduce(
+    range: Range<usize>,
+    together: fn(Scalars, Scalars) -> Scalars,
+    piece: &(impl Fn(Range<usize>) -> Scalars + Sync),
+) -> Scalars {
+    if range.len() <= PIECE {
+        return piece(range);
+    }
+    let middle = range.start + (range.len() / PIECE).div_ceil(2) * PIECE;
+    let halves = rayon::join(
+        || reduce(range.start..middle, together, piece),
+        || reduce(middle..range.end, together, piece),
+    );
+    together(halves.0, halves.1)
+}
+
+/// ⟨a, b⟩ of one piece.
+fn dot<F: Real>(a: &[[F; 3]], b: &[[F; 3]]) -> Scalars {
+    let (a, a_rest) = a.as_flattened().as_chunks::<LANES>();
+    let (b, b_rest) = b.as_flattened().as_chunks::<LANES>();
+    let mut lanes = [0.0; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..LANES {
+            lanes[lane] += a[lane].wide() * b[lane].wide();
+        }
+    }
+    for (lane, (a, b)) in a_rest.iter().zip(b_rest).enumerate() {
+        lanes[lane] += a.wide() * b.wide();
+    }
+    std::array::from_fn(|c| (0..LANES / 3).map(|k| lanes[3 * k + c]).sum::<f64>())
+}
+
 impl<F: Real> Vector for CpuVector<F> {
     fn len(&self) -> usize {
         self.0.len()
@@ -96,31 +142,88 @@ impl<F: Real> Vector for CpuVector<F> {
         self.update(x, [], |mine, x, []| *mine = *mine * x);
     }
 
-    fn clamp_below(&mut self, bound: Scalars) {
-        self.each(bound, F::max);
+    fn invert(&mut self) {
+        self.each([0.0; 3], |mine, zero| if mine == zero { zero } else { mine.recip() });
+    }
+
+    fn clamp(&mut self, bounds: &Bounds) {
+        self.each(bounds.lower(), F::max);
+        if bounds.upper() != [f64::INFINITY; 3] {
+            self.each(bounds.upper(), F::min);
+        }
+    }
+
+    fn hold(&mut self, x: &Self, gradient: &Self, bounds: &Bounds) {
+        let held = holds::<F>(bounds);
+        self.0.par_chunks_mut(PIECE).zip(x.0.par_chunks(PIECE).zip(gradient.0.par_chunks(PIECE))).for_each(
+            |(mine, (x, gradient))| {
+                for ((mine, x), gradient) in mine.iter_mut().zip(x).zip(gradient) {
+                    for c in 0..3 {
+                        if held(c, x[c], gradient[c]) {
+                            mine[c] = F::zero();
+                        }
+                    }
+                }
+            },
+        );
+    }
+
+    fn hold_at_bounds(&mut self, x: &Self, bounds: &Bounds) {
+        self.update(x, [bounds.lower(), bounds.upper()], |mine, x, [lower, upper]| {
+            if x <= lower || x >= upper {
+                *mine = F::zero();
+            }
+        });
+    }
+
+    fn shorten(&mut self, x: &Self, bounds: &Bounds) {
+        self.update(x, [bounds.lower(), bounds.upper()], |mine, x, [lower, upper]| {
+            let room = F::min(x - lower, upper - x);
+            if room.is_finite() {
+                *mine = *mine * room;
+            }
+        });
     }
 
     fn dot(&self, other: &Self) -> Result<Scalars> {
-        let pieces: Vec<Scalars> = self
-            .0
-            .par_chunks(PIECE)
-            .zip(other.0.par_chunks(PIECE))
-            .map(|(a, b)| {
-                let (a, a_rest) = a.as_flattened().as_chunks::<LANES>();
-                let (b, b_rest) = b.as_flattened().as_chunks::<LANES>();
-                let mut lanes = [0.0; LANES];
-                for (a, b) in a.iter().zip(b) {
-                    for lane in 0..LANES {
-                        lanes[lane] += a[lane].wide() * b[lane].wide();
+        debug_assert_eq!(self.0.len(), other.0.len());
+        Ok(reduce(0..self.0.len(), add, &|piece| dot(&self.0[piece.clone()], &other.0[piece])))
+    }
+
+    fn largest_step(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
+        let (lower, upper) = (bounds.lower(), bounds.upper());
+        let least = |a: Scalars, b: Scalars| std::array::from_fn(|c| a[c].min(b[c]));
+        Ok(reduce(0..self.0.len(), least, &|piece| {
+            let mut largest = [f64::INFINITY; 3];
+            for (step, x) in self.0[piece.clone()].iter().zip(&x.0[piece]) {
+                for c in 0..3 {
+                    let step = step[c].wide();
+                    if step != 0.0 {
+                        let bound = if step < 0.0 { lower[c] } else { upper[c] };
+                        largest[c] = largest[c].min(((bound - x[c].wide()) / step).max(0.0));
                     }
                 }
-                for (lane, (a, b)) in a_rest.iter().zip(b_rest).enumerate() {
-                    lanes[lane] += a.wide() * b.wide();
+            }
+            largest
+        }))
+    }
+
+    fn projected_norm_squared(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
+        let held = holds::<F>(bounds);
+        Ok(reduce(0..self.0.len(), add, &|piece| {
+            let mut sum = [0.0; 3];
+            for (gradient, x) in self.0[piece.clone()].iter().zip(&x.0[piece]) {
+                for c in 0..3 {
+                    let kept = if held(c, x[c], gradient[c]) { 0.0 } else { gradient[c].wide() };
+                    sum[c] += kept * kept;
                 }
-                std::array::from_fn(|c| (0..LANES / 3).map(|k| lanes[3 * k + c]).sum::<f64>())
-            })
-            .collect();
-        Ok(pieces.iter().fold([0.0; 3], |sum, piece| std::array::from_fn(|c| sum[c] + piece[c])))
+            }
+            sum
+        }))
+    }
+
+    fn epsilon(&self) -> f64 {
+        F::epsilon().wide()
     }
 
     fn to_host(&self) -> Result<Vec<[f64; 3]>> {
@@ -139,7 +242,9 @@ impl<F: Real> Vector for CpuVector<F> {
 impl<F: Real> Indexed for CpuVector<F> {
     fn pick(&mut self, other: &Self, index: &[u32]) {
         self.0.par_chunks_mut(PIECE).zip(index.par_chunks(PIECE)).for_each(|(piece, index)| {
-            piece.iter_mut().zip(index).for_each(|(element, &i)| *element = other.0[i as usize]);
+            piece.iter_mut().zip(index).for_each(|(element, &i)| {
+                *element = if i == NOWHERE { [F::zero(); 3] } else { other.0[i as usize] };
+            });
         });
     }
 

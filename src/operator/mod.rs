@@ -4,17 +4,23 @@
 //! channels an element, and scalars come as one number a channel: three problems are solved side by side.
 
 mod adjoint;
+mod bounds;
 mod cpu_vector;
+mod metric;
+mod neighbours;
 mod restricted;
 mod scaled;
 mod stacked;
 mod weighted;
 
 pub use adjoint::{AdjointTest, adjoint_test};
+pub use bounds::Bounds;
 pub use cpu_vector::CpuVector;
+pub use metric::{Metric, Scaling};
+pub use neighbours::{Gradient, Laplacian, Neighbours};
 pub use restricted::Restricted;
 pub use scaled::{Identity, Scaled};
-pub use stacked::Stacked;
+pub use stacked::{Blocks, Stacked};
 pub use weighted::Weighted;
 
 use crate::Result;
@@ -50,8 +56,28 @@ pub trait Vector: Sized {
     /// self ← self ∘ x, element by element.
     fn multiply(&mut self, x: &Self);
 
-    /// self ← max(self, bound), element by element.
-    fn clamp_below(&mut self, bound: Scalars);
+    /// self ← 1 / self, element by element; 0 where self is 0.
+    fn invert(&mut self);
+
+    /// self ← min(max(self, l), u), element by element.
+    fn clamp(&mut self, bounds: &Bounds);
+
+    /// self ← 0 where x is at a bound and going down the gradient would leave the box.
+    ///
+    /// Of the gradient itself that leaves the projected gradient, which is zero at a solution.
+    fn hold(&mut self, x: &Self, gradient: &Self, bounds: &Bounds);
+
+    /// self ← 0 where x is at a bound.
+    fn hold_at_bounds(&mut self, x: &Self, bounds: &Bounds);
+
+    /// self ← self ∘ min(x − l, u − x): the nearer the bound, the shorter. Where there is no bound the factor is 1.
+    fn shorten(&mut self, x: &Self, bounds: &Bounds);
+
+    /// The largest α a channel with l ≤ x + α self ≤ u, for an x inside; infinite where no bound is met.
+    fn largest_step(&self, x: &Self, bounds: &Bounds) -> Result<Scalars>;
+
+    /// ‖projected gradient‖² a channel at x, self the gradient: without what [`Vector::hold`] takes away.
+    fn projected_norm_squared(&self, x: &Self, bounds: &Bounds) -> Result<Scalars>;
 
     /// ⟨self, other⟩ a channel, accumulated in f64 in an order that does not depend on the machine.
     fn dot(&self, other: &Self) -> Result<Scalars>;
@@ -60,6 +86,14 @@ pub trait Vector: Sized {
     fn norm_squared(&self) -> Result<Scalars> {
         self.dot(self)
     }
+
+    /// ‖·‖² of the uppermost block of a stacked vector, of the whole of any other.
+    fn upper_norm_squared(&self) -> Result<Scalars> {
+        self.norm_squared()
+    }
+
+    /// Distance from 1 to the next number that an element can hold.
+    fn epsilon(&self) -> f64;
 
     /// The elements on the host, for checkpoints and results.
     fn to_host(&self) -> Result<Vec<[f64; 3]>>;
@@ -70,9 +104,12 @@ pub trait Vector: Sized {
     fn set_from_host(&mut self, values: &[[f64; 3]]) -> Result<()>;
 }
 
+/// An index that stands for no element.
+pub const NOWHERE: u32 = u32::MAX;
+
 /// Vectors whose elements can be picked out and put back by index.
 pub trait Indexed: Vector {
-    /// `self[k] ← other[index[k]]`.
+    /// `self[k] ← other[index[k]]`, 0 where the index is [`NOWHERE`].
     fn pick(&mut self, other: &Self, index: &[u32]);
 
     /// `self ← 0`, but `self[index[k]] ← other[k]`.

@@ -1,112 +1,190 @@
 use std::cell::RefCell;
 
-use super::{LinearOperator, Scalars, Vector};
+use super::{Bounds, LinearOperator, Scalars, Vector};
 use crate::{Error, Result};
 
-/// [A; B]: two operators on the same unknowns, one above the other.
+/// [A; B; …]: operators on the same unknowns, one above the other.
 ///
 /// A regularized problem is the plain least-squares problem of the transport stacked on its regularizers.
-#[derive(Debug)]
-pub struct Stacked<A: LinearOperator, B> {
-    upper: A,
-    lower: B,
-    scratch: RefCell<A::Domain>,
+pub struct Stacked<'a, V> {
+    blocks: Vec<Box<dyn LinearOperator<Domain = V, Range = V> + 'a>>,
+    scratch: RefCell<V>,
 }
 
-impl<A: LinearOperator, B: LinearOperator<Domain = A::Domain>> Stacked<A, B> {
-    /// Errors: [`Error::Shape`] when the two act on different numbers of unknowns.
-    pub fn new(upper: A, lower: B) -> Result<Self> {
-        super::expect_len("the lower operator's domain", &lower.domain(), upper.domain().len())?;
-        let scratch = RefCell::new(upper.domain());
-        Ok(Self { upper, lower, scratch })
+impl<'a, V: Vector> Stacked<'a, V> {
+    /// One operator, to be stacked on others.
+    pub fn new(uppermost: impl LinearOperator<Domain = V, Range = V> + 'a) -> Self {
+        let scratch = RefCell::new(uppermost.domain());
+        Self { blocks: vec![Box::new(uppermost)], scratch }
+    }
+
+    /// The same with another operator below.
+    ///
+    /// Errors: [`Error::Shape`] when it acts on another number of unknowns.
+    pub fn over(mut self, lower: impl LinearOperator<Domain = V, Range = V> + 'a) -> Result<Self> {
+        super::expect_len("the lower operator's domain", &lower.domain(), self.scratch.borrow().len())?;
+        self.blocks.push(Box::new(lower));
+        Ok(self)
+    }
+
+    /// The operator of block `index`, from the top.
+    pub fn block(&self, index: usize) -> &(dyn LinearOperator<Domain = V, Range = V> + 'a) {
+        &*self.blocks[index]
+    }
+
+    /// The number of blocks.
+    pub fn blocks(&self) -> usize {
+        self.blocks.len()
     }
 }
 
-impl<A: LinearOperator, B: LinearOperator<Domain = A::Domain>> LinearOperator for Stacked<A, B> {
-    type Domain = A::Domain;
-    type Range = (A::Range, B::Range);
+impl<V> std::fmt::Debug for Stacked<'_, V> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Stacked of {}", self.blocks.len())
+    }
+}
 
-    fn domain(&self) -> A::Domain {
-        self.upper.domain()
+impl<V: Vector> LinearOperator for Stacked<'_, V> {
+    type Domain = V;
+    type Range = Blocks<V>;
+
+    fn domain(&self) -> V {
+        self.scratch.borrow().zeros_like()
     }
 
-    fn range(&self) -> Self::Range {
-        (self.upper.range(), self.lower.range())
+    fn range(&self) -> Blocks<V> {
+        Blocks(self.blocks.iter().map(|block| block.range()).collect())
     }
 
-    fn apply(&self, x: &A::Domain, y: &mut Self::Range) -> Result<()> {
-        self.upper.apply(x, &mut y.0)?;
-        self.lower.apply(x, &mut y.1)
+    fn apply(&self, x: &V, y: &mut Blocks<V>) -> Result<()> {
+        y.expect(self.blocks.len())?;
+        self.blocks.iter().zip(&mut y.0).try_for_each(|(block, y)| block.apply(x, y))
     }
 
-    fn apply_adjoint(&self, y: &Self::Range, x: &mut A::Domain) -> Result<()> {
-        self.upper.apply_adjoint(&y.0, x)?;
-        let mut from_lower = self.scratch.borrow_mut();
-        self.lower.apply_adjoint(&y.1, &mut from_lower)?;
-        x.axpby([1.0; 3], &from_lower, [1.0; 3]);
+    fn apply_adjoint(&self, y: &Blocks<V>, x: &mut V) -> Result<()> {
+        y.expect(self.blocks.len())?;
+        self.blocks[0].apply_adjoint(&y.0[0], x)?;
+        let mut lower = self.scratch.borrow_mut();
+        for (block, y) in self.blocks.iter().zip(&y.0).skip(1) {
+            block.apply_adjoint(y, &mut lower)?;
+            x.axpby([1.0; 3], &lower, [1.0; 3]);
+        }
         Ok(())
     }
 }
 
-/// Two vectors, one above the other.
-impl<A: Vector, B: Vector> Vector for (A, B) {
+/// Vectors, one above the other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Blocks<V>(pub Vec<V>);
+
+impl<V: Vector> Blocks<V> {
+    fn expect(&self, blocks: usize) -> Result<()> {
+        let got = self.0.len();
+        if got == blocks {
+            Ok(())
+        } else {
+            Err(Error::Shape { what: "a stacked vector (blocks)", expected: blocks, got })
+        }
+    }
+
+    fn pairs<'a>(&'a mut self, other: &'a Self) -> impl Iterator<Item = (&'a mut V, &'a V)> {
+        self.0.iter_mut().zip(&other.0)
+    }
+
+    fn sum(&self, part: impl Fn(usize, &V) -> Result<Scalars>) -> Result<Scalars> {
+        self.0.iter().enumerate().try_fold([0.0; 3], |sum, (index, block)| {
+            let part = part(index, block)?;
+            Ok(std::array::from_fn(|c| sum[c] + part[c]))
+        })
+    }
+}
+
+impl<V: Vector> Vector for Blocks<V> {
     fn len(&self) -> usize {
-        self.0.len() + self.1.len()
+        self.0.iter().map(V::len).sum()
     }
 
     fn zeros_like(&self) -> Self {
-        (self.0.zeros_like(), self.1.zeros_like())
+        Self(self.0.iter().map(V::zeros_like).collect())
     }
 
     fn fill(&mut self, value: Scalars) {
-        self.0.fill(value);
-        self.1.fill(value);
+        self.0.iter_mut().for_each(|block| block.fill(value));
     }
 
     fn copy_from(&mut self, other: &Self) {
-        self.0.copy_from(&other.0);
-        self.1.copy_from(&other.1);
+        self.pairs(other).for_each(|(mine, other)| mine.copy_from(other));
     }
 
     fn axpby(&mut self, alpha: Scalars, x: &Self, beta: Scalars) {
-        self.0.axpby(alpha, &x.0, beta);
-        self.1.axpby(alpha, &x.1, beta);
+        self.pairs(x).for_each(|(mine, x)| mine.axpby(alpha, x, beta));
     }
 
     fn scale(&mut self, factor: Scalars) {
-        self.0.scale(factor);
-        self.1.scale(factor);
+        self.0.iter_mut().for_each(|block| block.scale(factor));
     }
 
     fn multiply(&mut self, x: &Self) {
-        self.0.multiply(&x.0);
-        self.1.multiply(&x.1);
+        self.pairs(x).for_each(|(mine, x)| mine.multiply(x));
     }
 
-    fn clamp_below(&mut self, bound: Scalars) {
-        self.0.clamp_below(bound);
-        self.1.clamp_below(bound);
+    fn invert(&mut self) {
+        self.0.iter_mut().for_each(V::invert);
+    }
+
+    fn clamp(&mut self, bounds: &Bounds) {
+        self.0.iter_mut().for_each(|block| block.clamp(bounds));
+    }
+
+    fn hold(&mut self, x: &Self, gradient: &Self, bounds: &Bounds) {
+        self.pairs(x).zip(&gradient.0).for_each(|((mine, x), gradient)| mine.hold(x, gradient, bounds));
+    }
+
+    fn hold_at_bounds(&mut self, x: &Self, bounds: &Bounds) {
+        self.pairs(x).for_each(|(mine, x)| mine.hold_at_bounds(x, bounds));
+    }
+
+    fn shorten(&mut self, x: &Self, bounds: &Bounds) {
+        self.pairs(x).for_each(|(mine, x)| mine.shorten(x, bounds));
+    }
+
+    fn largest_step(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
+        self.0.iter().zip(&x.0).try_fold([f64::INFINITY; 3], |least, (block, x)| {
+            let step = block.largest_step(x, bounds)?;
+            Ok(std::array::from_fn(|c| least[c].min(step[c])))
+        })
+    }
+
+    fn projected_norm_squared(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
+        self.sum(|index, block| block.projected_norm_squared(&x.0[index], bounds))
     }
 
     fn dot(&self, other: &Self) -> Result<Scalars> {
-        let (upper, lower) = (self.0.dot(&other.0)?, self.1.dot(&other.1)?);
-        Ok(std::array::from_fn(|c| upper[c] + lower[c]))
+        self.sum(|index, block| block.dot(&other.0[index]))
+    }
+
+    fn upper_norm_squared(&self) -> Result<Scalars> {
+        self.0.first().map_or(Ok([0.0; 3]), V::norm_squared)
+    }
+
+    fn epsilon(&self) -> f64 {
+        self.0.iter().map(V::epsilon).fold(0.0, f64::max)
     }
 
     fn to_host(&self) -> Result<Vec<[f64; 3]>> {
-        let mut values = self.0.to_host()?;
-        values.extend(self.1.to_host()?);
-        Ok(values)
+        Ok(self.0.iter().map(V::to_host).collect::<Result<Vec<_>>>()?.concat())
     }
 
     fn set_from_host(&mut self, values: &[[f64; 3]]) -> Result<()> {
-        let (expected, got) = (self.len(), values.len());
-        let (upper, lower) = values.split_at_checked(self.0.len()).ok_or(Error::Shape {
-            what: "a stacked vector",
-            expected,
-            got,
-        })?;
-        self.0.set_from_host(upper)?;
-        self.1.set_from_host(lower)
+        if values.len() != self.len() {
+            return Err(Error::Shape { what: "a stacked vector", expected: self.len(), got: values.len() });
+        }
+        let mut rest = values;
+        for block in &mut self.0 {
+            let (mine, others) = rest.split_at(block.len());
+            block.set_from_host(mine)?;
+            rest = others;
+        }
+        Ok(())
     }
 }

@@ -1,7 +1,7 @@
 use std::cell::RefCell;
 
 use super::{LinearOperator, Vector};
-use crate::Result;
+use crate::{Error, Result};
 
 /// W T with W = diag(factors): the rows of an operator, each scaled by its own factor.
 ///
@@ -14,9 +14,16 @@ pub struct Weighted<T: LinearOperator> {
 }
 
 impl<T: LinearOperator> Weighted<T> {
-    /// Errors: [`crate::Error::Shape`] when there is not one factor a row.
+    /// Errors: [`Error::Shape`] when there is not one factor a row, [`Error::Value`] naming the first that is negative or
+    /// not a number.
     pub fn new(operator: T, factors: T::Range) -> Result<Self> {
         super::expect_len("the weights", &factors, operator.range().len())?;
+        let allowed = |factor: &f64| *factor >= 0.0 && factor.is_finite();
+        for (row, factors) in factors.to_host()?.iter().enumerate() {
+            if let Some(factor) = factors.iter().find(|factor| !allowed(factor)) {
+                return Err(Error::value(format!("weights[{row}]"), factor, "finite and not negative"));
+            }
+        }
         let scratch = RefCell::new(factors.zeros_like());
         Ok(Self { operator, factors, scratch })
     }

@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::extents::fit_to;
 use super::{Constraint, Maps, constraints};
-use crate::cpu::{Storage, Transport, WalkPlan};
+use crate::cpu::{Storage, TileMetric, Tiling, Transport, WalkPlan};
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use crate::operator::{CpuVector, LinearOperator};
+use crate::operator::{CpuVector, LinearOperator, Metric};
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, Strategy, Target};
 use crate::{Error, Result};
 
@@ -171,6 +171,19 @@ impl LightMapOperator {
             Self::Grey(transport) => transport.squares(weights),
             Self::Colored(transport) => transport.squares(weights),
         }
+    }
+
+    /// The metric of tiles for rows with these weights, and `added` on its diagonal.
+    pub(super) fn tile_metric(
+        &self,
+        tiling: &Tiling,
+        weights: &[f64],
+        added: &[[f64; 3]],
+    ) -> Result<Box<dyn Metric<CpuVector>>> {
+        Ok(match self {
+            Self::Grey(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
+            Self::Colored(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
+        })
     }
 
     /// How much of it is kept.

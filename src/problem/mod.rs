@@ -3,10 +3,12 @@
 mod assess;
 mod constraints;
 mod extents;
+mod fill;
 mod light_map;
 mod painting;
 mod render;
 mod solution;
+mod system;
 
 pub use assess::{Assessment, Assessor, Match};
 pub use constraints::{Constraint, constraints};
@@ -14,4 +16,5 @@ pub use extents::{Maps, fit};
 pub use light_map::{LightMapOperator, LightMapProblem};
 pub use painting::paint;
 pub use render::{Rendering, render};
-pub use solution::{Paused, Solved, solve};
+pub use solution::{Paused, Snapshot, Solved, SystemOperator, measure, method, solve, vectors};
+pub use system::{System, Weights};

@@ -1,18 +1,25 @@
+use super::fill::fill;
+use super::system::{System, Weights};
 use super::{LightMapOperator, LightMapProblem};
-use crate::operator::{CpuVector, Identity, LinearOperator, Restricted, Stacked, Vector, Weighted};
+use crate::operator::{CpuVector, Stacked, Vector};
 use crate::scene::{Rgb, SolveSettings, SolverName};
-use crate::solve::{Cgls, Control, History, LeastSquares, Limits, Method, Outcome, State, drive};
+use crate::solve::{
+    Beginning, Cgls, Control, Fista, FlexibleCgls, History, Lbfgs, LeastSquares, Lsmr, Lsqr, Measure, Method,
+    Mprgp, Outcome, Spectral, State, Vectors, drive, restore, save,
+};
 use crate::{Error, Result};
 
 /// A solved light map.
 #[derive(Debug)]
 pub struct Solved {
-    /// Radiance of all texels, row by row; those that no painted ray reaches keep the start.
+    /// Radiance of all texels, row by row; those that no painted ray reaches keep the start, or are filled.
     pub light_map: Vec<Rgb>,
     /// How the solve went.
     pub outcome: Outcome,
-    /// λ of ½ λ ‖x − x₀‖².
-    pub tikhonov: f64,
+    /// λ of the regularizers.
+    pub weights: Weights,
+    /// Applications of the transport before the first iteration: the metric, the choice of λ.
+    pub set_up_applications: usize,
     /// The state to continue from.
     pub state: State,
 }
@@ -26,86 +33,128 @@ pub struct Paused {
     pub state: State,
 }
 
-/// Minimizes `½ Σ w (T x − b)² + ½ λ ‖x − x₀‖²` over the texels that painted rays reach.
+/// A solve between two iterations.
+pub trait Snapshot {
+    /// The state to continue from.
+    fn state(&mut self) -> Result<State>;
+
+    /// All texels as they are.
+    fn texels(&self) -> Vec<Rgb>;
+}
+
+/// What a light-map problem is to a method.
+pub type SystemOperator<'a> = Stacked<'a, CpuVector>;
+
+/// Minimizes `½ Σ w (T x − b)² + ½ Σ λᵢ ‖Rᵢ (x − x₀)‖², l ≤ x ≤ u` over the texels that painted rays reach.
 ///
 /// `coverage` is diag(Tᵀ diag(w) T); texels where it is zero are not unknowns. `each` is called after every
-/// iteration with the history, a way to get the state to continue from, and a way to get all texels.
+/// iteration.
 ///
-/// Errors: [`Error::NonFinite`] naming the texel, [`Error::Empty`] when no texel is reached, and what the method and
-/// `each` report.
+/// Errors: [`Error::Value`] naming a setting, [`Error::NonFinite`] naming the texel, [`Error::Empty`] when no texel is
+/// reached, and what the method and `each` report.
 pub fn solve(
     problem: &LightMapProblem,
     operator: &LightMapOperator,
     coverage: &CpuVector,
     settings: &SolveSettings,
     resumed: Option<Paused>,
-    mut each: impl FnMut(&History, &dyn Fn() -> Result<State>, &dyn Fn() -> Vec<Rgb>) -> Result<Control>,
+    mut each: impl FnMut(&History, &mut dyn Snapshot) -> Result<Control>,
 ) -> Result<Solved> {
-    let columns = reached(coverage);
-    if columns.is_empty() {
-        return Err(Error::Empty {
-            reason: "the light of the painted pixels is too weak to be computed with".to_owned(),
-            remedy: "raise medium.sigma_t or medium.albedo",
-        });
-    }
-    // Rows are divided by the norm of a typical column, so that f32 serves media of any density alike; λ becomes
-    // what the settings say.
-    let norm = mean_squared_column_norm(coverage, columns.len()).sqrt();
-    let factors = problem.constraints.iter().map(|pixel| [(f64::from(pixel.weight).sqrt() / norm) as f32; 3]);
-    let weighted = Weighted::new(Restricted::new(operator, columns.clone())?, CpuVector(factors.collect()))?;
-    let mut start = weighted.domain();
-    start.fill(problem.start.map(f64::from));
-    let mut targets = CpuVector(problem.targets.clone());
-    weighted.weigh(&mut targets);
-    let pull = [settings.regularization.tikhonov.sqrt(); 3];
-    let mut pulled = start.clone();
-    pulled.scale(pull);
-    let rhs = (targets, pulled);
-    let regularized = Stacked::new(weighted, Identity::scaled(&start, pull))?;
-    let system = LeastSquares { operator: &regularized, rhs: &rhs };
-    let mut method = match settings.solver {
-        SolverName::Cgls => Cgls::new(&regularized),
-        SolverName::ClampedCgls => Cgls::clamped(&regularized),
-    };
-    let limits =
-        Limits { iterations: settings.iterations, tolerance: settings.tolerance, time: settings.time_limit };
-    let history = match resumed {
+    let system = System::new(problem, operator, coverage, settings)?;
+    let limits = system.limits(problem, settings);
+    let least_squares = system.problem();
+    let mut method = method(settings.solver, system.operator());
+    let beginning = match resumed {
         Some(paused) => {
-            method.restore(&paused.state)?;
-            Some(paused.history)
+            restore(&mut *method, &paused.state)?;
+            Beginning::Resumed(paused.history)
         }
-        None => None,
+        None => Beginning::At(system.start()),
     };
-    let all_texels = |x: &CpuVector| {
-        let mut texels = vec![problem.start; coverage.len()];
-        columns.iter().zip(&x.0).for_each(|(&column, &value)| texels[column as usize] = value);
-        texels
-    };
-    let outcome = drive(&mut method, &system, &start, &limits, history, |history, method| {
-        each(history, &|| method.save(), &|| all_texels(method.solution()))
+    let outcome = drive(&mut *method, &least_squares, beginning, &limits, |history, method| {
+        each(history, &mut Moment { method, system: &system, problem })
     })?;
-    let light_map = all_texels(method.solution());
-    if let Some(index) = light_map.iter().position(|texel| !texel.iter().all(|value| value.is_finite())) {
-        let width = problem.maps.light_map.size[0];
-        let place = format!("texel ({}, {})", index % width, index / width);
-        return Err(Error::NonFinite { what: "the light map".to_owned(), place });
-    }
+    let light_map = finite(problem, system.all_texels(problem, method.solution()))?;
+    let light_map = if settings.fill { fill(problem, system.columns(), light_map)? } else { light_map };
     Ok(Solved {
         light_map,
         outcome,
-        tikhonov: settings.regularization.tikhonov * norm * norm,
-        state: method.save()?,
+        weights: system.absolute_weights(),
+        set_up_applications: system.applications(),
+        state: save(&mut *method)?,
     })
 }
 
-/// The elements that some painted ray reaches.
-fn reached(coverage: &CpuVector) -> Vec<u32> {
-    let is_reached = |&(_, squares): &(usize, &Rgb)| squares.iter().any(|&value| value > 0.0);
-    coverage.0.iter().enumerate().filter(is_reached).map(|(index, _)| index as u32).collect()
+/// The method of a name.
+pub fn method<'a>(
+    name: SolverName,
+    operator: &SystemOperator<'a>,
+) -> Box<dyn Method<SystemOperator<'a>> + 'a> {
+    match name {
+        SolverName::Fista => Box::new(Fista::new(operator)),
+        SolverName::Spectral => Box::new(Spectral::new(operator)),
+        SolverName::Lbfgs => Box::new(Lbfgs::new(operator)),
+        SolverName::Mprgp => Box::new(Mprgp::new(operator)),
+        SolverName::FlexibleCgls => Box::new(FlexibleCgls::new(operator)),
+        SolverName::ClampedCgls => Box::new(Cgls::clamped(operator)),
+        SolverName::Cgls => Box::new(Cgls::new(operator)),
+        SolverName::Lsqr => Box::new(Lsqr::new(operator)),
+        SolverName::Lsmr => Box::new(Lsmr::new(operator)),
+    }
 }
 
-/// Mean over reached elements and channels of ‖W T eᵢ‖².
-fn mean_squared_column_norm(coverage: &CpuVector, reached: usize) -> f64 {
-    let sum: f64 = coverage.0.iter().flatten().map(|&value| f64::from(value)).sum();
-    sum / (3 * reached.max(1)) as f64
+/// The vectors that a method keeps, and the loop beside it.
+pub fn vectors(name: SolverName) -> Vectors {
+    let Vectors { domain, range } = match name {
+        SolverName::Fista => Fista::<SystemOperator>::VECTORS,
+        SolverName::Spectral => Spectral::<SystemOperator>::VECTORS,
+        SolverName::Lbfgs => Lbfgs::<SystemOperator>::VECTORS,
+        SolverName::Mprgp => Mprgp::<SystemOperator>::VECTORS,
+        SolverName::FlexibleCgls => FlexibleCgls::<SystemOperator>::VECTORS,
+        SolverName::ClampedCgls | SolverName::Cgls => Cgls::<SystemOperator>::VECTORS,
+        SolverName::Lsqr => Lsqr::<SystemOperator>::VECTORS,
+        SolverName::Lsmr => Lsmr::<SystemOperator>::VECTORS,
+    };
+    Vectors { domain: domain + 1, range: range + 1 }
+}
+
+/// The squared residuals at x, moved into the bounds: what progress is relative to.
+pub fn measure(problem: &LeastSquares<SystemOperator>, x: &CpuVector) -> Result<Measure> {
+    let (mut r, mut g) = (problem.rhs().zeros_like(), x.clone());
+    let mut x = x.clone();
+    x.clamp(problem.bounds());
+    problem.residual(&x, &mut r)?;
+    problem.gradient(&r, &mut g)?;
+    Ok(Measure {
+        residual: r.norm_squared()?,
+        normal_residual: g.projected_norm_squared(&x, problem.bounds())?,
+    })
+}
+
+/// The light map, or an error that names the texel which is not a number.
+fn finite(problem: &LightMapProblem, light_map: Vec<Rgb>) -> Result<Vec<Rgb>> {
+    match light_map.iter().position(|texel| !texel.iter().all(|value| value.is_finite())) {
+        None => Ok(light_map),
+        Some(index) => {
+            let width = problem.maps.light_map.size[0];
+            let place = format!("texel ({}, {})", index % width, index / width);
+            Err(Error::NonFinite { what: "the light map".to_owned(), place })
+        }
+    }
+}
+
+struct Moment<'a, 'b> {
+    method: &'a mut (dyn Method<SystemOperator<'b>> + 'b),
+    system: &'a System<'b>,
+    problem: &'a LightMapProblem,
+}
+
+impl Snapshot for Moment<'_, '_> {
+    fn state(&mut self) -> Result<State> {
+        save(self.method)
+    }
+
+    fn texels(&self) -> Vec<Rgb> {
+        self.system.all_texels(self.problem, self.method.solution())
+    }
 }

@@ -39,6 +39,11 @@ pub struct Report {
     pub history: Vec<Step>,
     /// Why and when it stopped.
     pub stop: StopRecord,
+    /// How near the end is to a solution.
+    pub certificate: Certificate,
+    /// Applications of `T` and `Tᵀ` before the first iteration that the history does not count: for
+    /// the metric and the choice of λ.
+    pub set_up_applications: u64,
     /// √(Σ w ‖L − L*‖² / Σ w ‖L*‖²) over all painted pixels, L the scattered radiance, L* the wanted one, w the alpha.
     pub weighted_residual: Change,
     /// The same and more, view by view.
@@ -126,6 +131,22 @@ pub struct StopRecord {
     pub iteration: u64,
 }
 
+/// How near the end is to a solution, computed from the true residual and not by recursion.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Certificate {
+    /// `projected-gradient` where bounds were kept: the KKT residual; else `normal-residual`.
+    pub kind: String,
+    /// Its norm relative to the start, a channel: zero at a solution and nowhere else.
+    pub value: [f64; 3],
+    /// `‖b − A x‖` relative to the start, a channel.
+    pub residual: [f64; 3],
+    /// Texels with a channel at a bound.
+    pub at_bounds: u64,
+    /// How often the method began again, because what it believed had parted from the truth.
+    pub restarts: u64,
+}
+
 /// A number before and after the solve.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
@@ -175,8 +196,11 @@ pub struct Coverage {
     pub reached: u64,
     /// All of them.
     pub total: u64,
-    /// Those that keep their start value.
+    /// Those that no ray reaches: they keep their start value, or are filled.
     pub unreached: u64,
+    /// Those of them that were filled by diffusion from their neighbours.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub filled: Option<u64>,
     /// Those of the reached whose light hardly arrives, so that the regularization decides.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weak: Option<u64>,
@@ -257,6 +281,9 @@ mod tests {
                 "/history/0/normal_residual/2",
                 "/stop/reason",
                 "/stop/iteration",
+                "/certificate/kind",
+                "/certificate/value/2",
+                "/set_up_applications",
                 "/timings",
                 "/memory",
                 "/skipped",

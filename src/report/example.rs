@@ -1,5 +1,6 @@
 use super::data::{
-    Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord, ViewMatch,
+    Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord,
+    ViewMatch,
 };
 
 /// A filled report of an invented solve, for tests, examples and the documentation.
@@ -13,7 +14,7 @@ pub fn example() -> Report {
         backend: "cpu".into(),
         device: "8 threads".into(),
         target: "tint".into(),
-        solver: "cgls".into(),
+        solver: "fista".into(),
         strategy: RowStrategy { name: "mixed".into(), kept_rows: 38_912, walked_rows: 2_326 },
         problem: Problem {
             rows: 41_238,
@@ -33,6 +34,14 @@ pub fn example() -> Report {
         ]),
         history: (0..=18).map(step).collect(),
         stop: StopRecord { reason: "tolerance".into(), iteration: 18 },
+        certificate: Certificate {
+            kind: "projected-gradient".into(),
+            value: [9.1e-4, 7.4e-4, 8.8e-4],
+            residual: [0.094, 0.081, 0.069],
+            at_bounds: 61_204,
+            restarts: 0,
+        },
+        set_up_applications: 4,
         weighted_residual: Change { before: 0.823, after: 0.0812 },
         matched: views(),
         timings: named([
@@ -63,7 +72,13 @@ pub fn example() -> Report {
             ("walks", Share { count: 1_478_656, of: 1_567_044 }),
         ]),
         adjoint_error: 2.4e-8,
-        coverage: Coverage { reached: 148_377, total: 262_144, unreached: 113_767, weak: Some(9_214) },
+        coverage: Coverage {
+            reached: 148_377,
+            total: 262_144,
+            unreached: 113_767,
+            filled: None,
+            weak: Some(9_214),
+        },
     }
 }
 

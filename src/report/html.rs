@@ -86,9 +86,13 @@ fn light_map(report: &Report, pictures: &Pictures) -> Result<String> {
         ),
         _ => String::new(),
     };
+    let others = match coverage.filled {
+        Some(_) => "were filled from their neighbours",
+        None => "keep their start value",
+    };
     Ok(format!(
         "<section>\n<h2>Light map</h2>\n<div class=\"maps\">\n{found}<div class=\"beside\">\n<p>The painted pixels reach {} \
-         of its {} texels ({}).{weak} The other {} keep their start value: no stroke says anything about \
+         of its {} texels ({}).{weak} The other {} {others}: no stroke says anything about \
          them.</p>\n{reach}</div>\n</div>\n</section>\n",
         count(coverage.reached),
         count(coverage.total),

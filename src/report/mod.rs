@@ -9,7 +9,8 @@ mod ticks;
 mod words;
 
 pub use data::{
-    Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord, ViewMatch,
+    Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord,
+    ViewMatch,
 };
 pub use example::example;
 pub use html::{Pictures, ViewPictures, html};

@@ -104,10 +104,30 @@ pub(super) fn convergence(report: &Report) -> Result<String> {
         "<section>\n<h2>Convergence</h2>\n<div class=\"charts\">\n{charts}</div>\n<p>The residual is how far the \
          picture is from the paint; it levels off where strokes ask for what no light map can do. The \
          normal residual is how much there is left to gain; it falls to zero at the best light map. \
-         {} of the transport in {}.</p>\n</section>\n",
+         {} of the transport in {}, and {} before them.</p>\n<p>{}</p>\n</section>\n",
         counted(applications, "application"),
         counted(report.stop.iteration, "iteration"),
+        count(report.set_up_applications),
+        certificate(report),
     ))
+}
+
+/// The proof at the end, in words.
+fn certificate(report: &Report) -> String {
+    let certificate = &report.certificate;
+    let worst = certificate.value.iter().copied().fold(0.0, f64::max);
+    let (what, bounds) = match certificate.kind.as_str() {
+        "projected-gradient" => (
+            "projected gradient",
+            format!(" {} are held at a bound.", counted(certificate.at_bounds, "texel")),
+        ),
+        _ => ("gradient", " Texels may be negative: this solver keeps no bounds.".to_owned()),
+    };
+    format!(
+        "Certificate: computed anew at the end, the {what} has {} of the norm that it started with; \
+         at the best light map it would be zero.{bounds}",
+        number(worst)
+    )
 }
 
 /// What was not computed, in words, the largest share first.

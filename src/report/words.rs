@@ -152,6 +152,8 @@ pub(super) fn skipped(name: &str) -> String {
 pub(super) fn stopped(reason: &str) -> String {
     match reason {
         "tolerance" => "because the light could no longer be improved noticeably".into(),
+        "discrepancy" => "because the paint is met as closely as its noise allows".into(),
+        "stagnation" => "at rounding level: no further digit can be gained".into(),
         "iterations" => "at its iteration limit, so more iterations may still improve it".into(),
         "time" => "at its time limit, so more time may still improve it".into(),
         "interrupted" => "because it was interrupted".into(),

@@ -25,7 +25,8 @@ pub use medium::Medium;
 pub use mesh::{AlphaMask, Material, Mesh, Wrap};
 pub use primitive::Primitive;
 pub use settings::{
-    Basis, MapSettings, Quadrature, Regularization, SolveSettings, SolverName, Strategy, Target,
+    Basis, MapSettings, MetricName, Quadrature, Regularization, SolveSettings, SolverName, Strategy, Target,
+    Weight,
 };
 pub use shadow_map::ShadowMap;
 pub use strokes::Stroke;

@@ -57,27 +57,114 @@ pub enum Strategy {
     MatrixFree,
 }
 
-/// The methods that can solve the least-squares problem.
+/// The methods that can solve the least-squares problem; those of the first group keep the bounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SolverName {
-    /// Conjugate gradients on the normal equations.
+    /// Projected accelerated gradient with restart.
     #[default]
-    Cgls,
-    /// The papers' method: CGLS with negative values set to zero after every step. It need not converge.
+    Fista,
+    /// Spectral projected gradient.
+    Spectral,
+    /// Projected L-BFGS.
+    Lbfgs,
+    /// Active-set conjugate gradients with proportioning.
+    Mprgp,
+    /// Flexible CGLS that stays inside the bounds.
+    FlexibleCgls,
+    /// The papers' method: CGLS, moved into the bounds after every step. It need not converge.
     ClampedCgls,
+    /// Conjugate gradients on the normal equations, without bounds.
+    Cgls,
+    /// LSQR, without bounds.
+    Lsqr,
+    /// LSMR, without bounds.
+    Lsmr,
 }
 
-/// Weights λ of the terms ½ λ ‖R (x − x₀)‖², relative to the mean squared column norm of the weighted transport.
+impl SolverName {
+    /// All of them, the default first.
+    pub const ALL: [Self; 9] = [
+        Self::Fista,
+        Self::Spectral,
+        Self::Lbfgs,
+        Self::Mprgp,
+        Self::FlexibleCgls,
+        Self::ClampedCgls,
+        Self::Cgls,
+        Self::Lsqr,
+        Self::Lsmr,
+    ];
+
+    /// Its name in scene files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fista => "fista",
+            Self::Spectral => "spectral",
+            Self::Lbfgs => "lbfgs",
+            Self::Mprgp => "mprgp",
+            Self::FlexibleCgls => "flexible-cgls",
+            Self::ClampedCgls => "clamped-cgls",
+            Self::Cgls => "cgls",
+            Self::Lsqr => "lsqr",
+            Self::Lsmr => "lsmr",
+        }
+    }
+
+    /// Whether it can use a metric that is not diagonal.
+    pub fn uses_tiles(self) -> bool {
+        matches!(self, Self::Fista | Self::Cgls)
+    }
+
+    /// Whether it keeps bounds.
+    pub fn keeps_bounds(self) -> bool {
+        !matches!(self, Self::Cgls | Self::Lsqr | Self::Lsmr)
+    }
+}
+
+/// What steps are measured with: the nearer to Aᵀ A, the fewer iterations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MetricName {
+    /// Dense blocks of 8 × 8 texels that majorize Aᵀ A; of the methods that can use only a diagonal, [`Self::Sqs`].
+    #[default]
+    Tiles,
+    /// The diagonal Aᵀ A 1, the separable quadratic surrogate.
+    Sqs,
+    /// The diagonal of Aᵀ A.
+    Jacobi,
+    /// Nothing.
+    None,
+}
+
+/// A weight λ of a term ½ λ ‖R (x − x₀)‖².
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Weight {
+    /// So much, relative to the mean squared column norm of the weighted transport.
+    Relative(f64),
+    /// Chosen by generalized cross-validation.
+    Gcv,
+    /// Chosen at the corner of the L-curve.
+    LCurve,
+}
+
+/// Weights of the regularizers; at most one of them may be left to be chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Regularization {
     /// Of the distance to the start, R = 1.
-    pub tikhonov: f64,
+    pub tikhonov: Weight,
+    /// Of the first differences between neighbours.
+    pub gradient: Weight,
+    /// Of the sums of first differences around an element.
+    pub laplacian: Weight,
 }
 
 impl Default for Regularization {
-    /// The papers' 2⁻⁹ (Klehm 2015, sec. 7.4).
+    /// The papers' 2⁻⁹ (Klehm 2015, sec. 7.4) on the distance to the start.
     fn default() -> Self {
-        Self { tikhonov: f64::powi(2.0, -9) }
+        Self {
+            tikhonov: Weight::Relative(f64::powi(2.0, -9)),
+            gradient: Weight::Relative(0.0),
+            laplacian: Weight::Relative(0.0),
+        }
     }
 }
 
@@ -88,10 +175,18 @@ pub struct SolveSettings {
     pub solver: SolverName,
     /// Iterations at most.
     pub iterations: usize,
-    /// Stop when the normal residual has fallen to this part of its start.
+    /// Stop when the normal residual (with bounds, the projected gradient) has fallen to this part of its start.
     pub tolerance: f64,
     /// Stop after this long.
     pub time_limit: Option<Duration>,
+    /// Stop when the painted pixels are met to this part of what is painted, root mean square.
+    pub noise: Option<f64>,
+    /// The least and the largest value a channel; infinite where there is no bound.
+    pub bounds: [[f64; 3]; 2],
+    /// What steps are measured with.
+    pub metric: MetricName,
+    /// Whether elements that no row reaches are filled by diffusion from their neighbours, instead of keeping their start.
+    pub fill: bool,
     /// Pulls towards the start what the strokes do not determine.
     pub regularization: Regularization,
     /// Basis of the light map.
@@ -110,9 +205,13 @@ impl Default for SolveSettings {
     fn default() -> Self {
         Self {
             solver: SolverName::default(),
-            iterations: 32,
+            iterations: 200,
             tolerance: 1e-3,
             time_limit: None,
+            noise: None,
+            bounds: [[0.0; 3], [f64::INFINITY; 3]],
+            metric: MetricName::default(),
+            fill: false,
             regularization: Regularization::default(),
             basis: Basis::default(),
             quadrature: Quadrature::default(),

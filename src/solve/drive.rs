@@ -1,19 +1,9 @@
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use super::{LeastSquares, Measure, Method};
-use crate::operator::{LinearOperator, Scalars, Vector};
+use super::stop::Progressing;
+use super::{Control, LeastSquares, Limits, Live, Measure, Method, Stop, StopReason};
+use crate::operator::{Bounds, LinearOperator, Scalars, Vector, expect_len};
 use crate::{Error, Result};
-
-/// When to stop.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Limits {
-    /// Iterations at most.
-    pub iterations: usize,
-    /// Stop when the normal residual has fallen to this part of its start, in every channel, each relative to its own.
-    pub tolerance: f64,
-    /// Stop after this long.
-    pub time: Option<Duration>,
-}
 
 /// Where a solve is after an iteration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +16,7 @@ pub struct Progress {
     pub operator_applications: usize,
     /// ‖b − A x‖ relative to the start.
     pub residual: Scalars,
-    /// ‖Aᵀ (b − A x)‖ relative to the start.
+    /// ‖Aᵀ (b − A x)‖, or with bounds the norm of the projected gradient, relative to the start.
     pub normal_residual: Scalars,
 }
 
@@ -41,53 +31,23 @@ pub struct History {
     pub restarts: usize,
     /// The least true normal residual found at such a moment; infinite before the first.
     pub least_true: f64,
+    /// Channels that are done, and are left as they are.
+    pub settled: [bool; 3],
+    /// Iterations of channels that were settled already, summed over the channels.
+    pub spared: usize,
+    /// Whether the solve still gets anywhere.
+    pub progressing: Progressing,
 }
 
-/// Why a solve ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum StopReason {
-    /// The normal residual reached the tolerance, and the true residual confirmed it.
-    Tolerance,
-    /// The iteration limit.
-    Iterations,
-    /// The time limit.
-    Time,
-    /// Rounding: the recursion believes to have converged and the true residual no longer falls.
-    Stagnation,
-    /// The caller asked for it.
-    Interrupted,
-}
-
-impl StopReason {
-    /// Its name in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Tolerance => "tolerance",
-            Self::Iterations => "iterations",
-            Self::Time => "time",
-            Self::Stagnation => "stagnation",
-            Self::Interrupted => "interrupted",
-        }
-    }
-}
-
-/// Why and when a solve ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Stop {
-    /// Why.
-    pub reason: StopReason,
-    /// After how many iterations.
-    pub iteration: usize,
-}
-
-/// What a callback wants.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Control {
-    /// Go on.
-    Continue,
-    /// Stop here.
-    Stop,
+/// Where a solve begins.
+#[derive(Debug)]
+pub enum Beginning<'a, V> {
+    /// At x₀, which progress is relative to.
+    At(&'a V),
+    /// At a better x than the x₀ that progress is relative to.
+    From(&'a V, Measure),
+    /// Where a method stands whose state has been restored.
+    Resumed(History),
 }
 
 /// How a solve went.
@@ -99,7 +59,8 @@ pub struct Outcome {
     pub stop: Stop,
     /// ‖b − A x‖ at the end relative to the start, computed anew and not by recursion.
     pub true_residual: Scalars,
-    /// ‖Aᵀ (b − A x)‖ at the end relative to the start, computed anew.
+    /// The certificate: ‖Aᵀ (b − A x)‖, or with bounds the norm of the projected gradient, at the end relative to the
+    /// start, computed anew. Zero at a solution and nowhere else.
     pub true_normal_residual: Scalars,
 }
 
@@ -111,75 +72,189 @@ const PARTED: f64 = 1.5;
 
 /// Runs a method until it should stop.
 ///
-/// `resumed` is the history of a method whose state has been restored; without it the method begins at `x0`.
 /// `each` is called after every iteration, not at the start. Not reaching the tolerance is not an error.
+/// Vectors: one of the domain and one of the range beside the method's, for the certificate.
 ///
-/// Errors: [`Error::NonFinite`] naming the iteration, and what the method and `each` report.
-pub fn drive<O: LinearOperator, M: Method<O>>(
+/// Errors: [`Error::NonFinite`] naming the iteration, [`Error::Value`] naming a limit, and what the method and `each`
+/// report.
+pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
     method: &mut M,
     problem: &LeastSquares<O>,
-    x0: &O::Domain,
+    beginning: Beginning<O::Domain>,
     limits: &Limits,
-    resumed: Option<History>,
-    mut each: impl FnMut(&History, &M) -> Result<Control>,
+    mut each: impl FnMut(&History, &mut M) -> Result<Control>,
 ) -> Result<Outcome> {
+    limits.check()?;
+    problem.check()?;
+    if let Beginning::At(x) | Beginning::From(x, _) = &beginning {
+        expect_len("the start", *x, method.solution().len())?;
+    }
     let clock = Instant::now();
-    let mut history = match resumed {
-        Some(history) => history,
-        None => {
-            method.begin(problem, x0)?;
-            let start = floored(finite(method.measure(), 0)?);
-            let progress = vec![progress(0, 0.0, method, &start)];
-            History { progress, start, restarts: 0, least_true: f64::INFINITY }
-        }
+    let mut judge = Judge { problem, limits, r: problem.operator().range(), s: problem.operator().domain() };
+    let before_us = problem.applications();
+    let mut history = match beginning {
+        Beginning::Resumed(history) => history,
+        Beginning::At(x0) => judge.begin(method, x0, None)?,
+        Beginning::From(x, start) => judge.begin(method, x, Some(start))?,
     };
-    let before = history.progress.last().map_or(0.0, |last| last.seconds);
+    let [seconds_before, applications_before] = history
+        .progress
+        .last()
+        .filter(|last| last.iteration > 0)
+        .map_or([0.0; 2], |last| [last.seconds, last.operator_applications as f64]);
+    let applied = |extra: usize| applications_before as usize + problem.applications() - before_us - extra;
+    let mut certifying = 0;
+    judge.settle(method, &mut history)?;
     loop {
-        let seconds = before + clock.elapsed().as_secs_f64();
+        let seconds = seconds_before + clock.elapsed().as_secs_f64();
         let iteration = history.progress.last().map_or(0, |last| last.iteration);
-        if let Some(mut reason) = reason_to_stop(&history, limits, seconds) {
-            let outcome = finish(method, problem, &history, reason)?;
-            let truth = outcome.true_normal_residual;
-            let parted =
-                reason == StopReason::Tolerance && truth.iter().any(|&r| r > PARTED * limits.tolerance);
+        if let Some(reason) = judge.reason_to_stop(&history, seconds) {
+            let outcome = judge.finish(method, &history, reason)?;
+            certifying += 2;
+            let believed = matches!(reason, StopReason::Tolerance | StopReason::Discrepancy);
+            let parted = believed && !judge.confirms(&outcome)?;
             if !parted {
                 return Ok(outcome);
             }
-            // The recursion believes to be done and is not: begin again from the truth, while that still helps.
-            let helps = largest(truth) < 0.5 * history.least_true;
+            // The method believes to be done and is not: begin again from the truth, while that still helps.
+            let truth = largest(outcome.true_normal_residual);
+            let helps = truth < 0.5 * history.least_true;
             if !helps || iteration >= limits.iterations {
-                reason = if helps { StopReason::Iterations } else { StopReason::Stagnation };
+                let reason = if helps { StopReason::Iterations } else { StopReason::Stagnation };
                 return Ok(Outcome { stop: Stop { reason, iteration }, ..outcome });
             }
-            history.least_true = largest(truth);
+            history.least_true = truth;
             history.restarts += 1;
-            method.begin(problem, &copy(method.solution()))?;
+            history.settled = [false; 3];
+            history.progressing = Progressing::START;
+            judge.s.copy_from(method.solution());
+            method.begin(problem, &judge.s)?;
+            judge.settle_by_tolerance(&mut history, method.measure());
         }
-        method.step(problem)?;
+        let live: Live = history.settled.map(|settled| !settled);
+        history.spared += live.iter().filter(|live| !**live).count();
+        method.step(problem, live).map_err(|error| error.in_iteration(iteration + 1))?;
         finite(method.measure(), iteration + 1)?;
-        let seconds = before + clock.elapsed().as_secs_f64();
-        history.progress.push(progress(iteration + 1, seconds, method, &history.start));
+        let seconds = seconds_before + clock.elapsed().as_secs_f64();
+        let entry = progress(iteration + 1, seconds, applied(certifying), method.measure(), &history.start);
+        history.progress.push(entry);
+        certifying += judge.settle(method, &mut history)?;
         if each(&history, method)? == Control::Stop {
-            return finish(method, problem, &history, StopReason::Interrupted);
+            return judge.finish(method, &history, StopReason::Interrupted);
         }
     }
 }
 
-/// What there is to say at the end, with the residuals computed anew.
-fn finish<O: LinearOperator, M: Method<O>>(
-    method: &M,
-    problem: &LeastSquares<O>,
-    history: &History,
-    reason: StopReason,
-) -> Result<Outcome> {
-    let (true_residual, true_normal_residual) = relative(&true_measure(method, problem)?, &history.start);
-    let iteration = history.progress.last().map_or(0, |last| last.iteration);
-    Ok(Outcome {
-        history: history.clone(),
-        stop: Stop { reason, iteration },
-        true_residual,
-        true_normal_residual,
-    })
+/// Decides when to stop, and computes what is needed for that.
+struct Judge<'a, O: LinearOperator> {
+    problem: &'a LeastSquares<'a, O>,
+    limits: &'a Limits,
+    r: O::Range,
+    s: O::Domain,
+}
+
+impl<O: LinearOperator> Judge<'_, O> {
+    fn begin<M: Method<O> + ?Sized>(
+        &self,
+        method: &mut M,
+        x: &O::Domain,
+        start: Option<Measure>,
+    ) -> Result<History> {
+        let before = self.problem.applications();
+        method.begin(self.problem, x)?;
+        let measure = finite(method.measure(), 0)?;
+        let start = floored(start.unwrap_or(measure));
+        let applications = self.problem.applications() - before;
+        Ok(History {
+            progress: vec![progress(0, 0.0, applications, measure, &start)],
+            start,
+            restarts: 0,
+            least_true: f64::INFINITY,
+            settled: [false; 3],
+            spared: 0,
+            progressing: Progressing::START,
+        })
+    }
+
+    fn settle_by_tolerance(&self, history: &mut History, measure: Measure) {
+        let (_, normal) = relative(&measure, &history.start);
+        for c in 0..3 {
+            history.settled[c] |= normal[c] <= self.limits.tolerance;
+        }
+    }
+
+    /// Marks the channels that are done, takes note of progress, and gives the number of applications that took.
+    fn settle<M: Method<O> + ?Sized>(&mut self, method: &M, history: &mut History) -> Result<usize> {
+        let Some(last) = history.progress.last().copied() else { return Ok(0) };
+        let unsettled = (0..3).filter(|&c| !history.settled[c]).map(|c| last.normal_residual[c]);
+        let epsilon = method.solution().epsilon();
+        history.progressing.note(unsettled.fold(0.0, f64::max), last.residual, epsilon);
+        self.settle_by_tolerance(history, method.measure());
+        let Some(noise) = self.limits.discrepancy.filter(|_| history.settled != [true; 3]) else {
+            return Ok(0);
+        };
+        let (data, applications) = match method.residual() {
+            Some(r) => (r.upper_norm_squared()?, 0),
+            None => {
+                self.problem.residual(method.solution(), &mut self.r)?;
+                (self.r.upper_norm_squared()?, 1)
+            }
+        };
+        for c in 0..3 {
+            history.settled[c] |= data[c] <= noise[c];
+        }
+        Ok(applications)
+    }
+
+    fn reason_to_stop(&self, history: &History, seconds: f64) -> Option<StopReason> {
+        let last = history.progress.last()?;
+        let limits = self.limits;
+        if history.settled == [true; 3] {
+            let by_tolerance = last.normal_residual.iter().all(|&residual| residual <= limits.tolerance);
+            Some(if by_tolerance { StopReason::Tolerance } else { StopReason::Discrepancy })
+        } else if last.iteration >= limits.iterations {
+            Some(StopReason::Iterations)
+        } else if limits.time.is_some_and(|limit| seconds >= limit.as_secs_f64()) {
+            Some(StopReason::Time)
+        } else if history.progressing.has_stagnated() {
+            Some(StopReason::Stagnation)
+        } else {
+            None
+        }
+    }
+
+    /// What there is to say at the end, with the residuals computed anew; they stay in `r` and `s`.
+    fn finish<M: Method<O> + ?Sized>(
+        &mut self,
+        method: &M,
+        history: &History,
+        reason: StopReason,
+    ) -> Result<Outcome> {
+        self.problem.residual(method.solution(), &mut self.r)?;
+        self.problem.gradient(&self.r, &mut self.s)?;
+        let bounds = if method.keeps_bounds() { self.problem.bounds() } else { &Bounds::NONE };
+        let truth = Measure {
+            residual: self.r.norm_squared()?,
+            normal_residual: self.s.projected_norm_squared(method.solution(), bounds)?,
+        };
+        let (true_residual, true_normal_residual) = relative(&truth, &history.start);
+        let iteration = history.progress.last().map_or(0, |last| last.iteration);
+        Ok(Outcome {
+            history: history.clone(),
+            stop: Stop { reason, iteration },
+            true_residual,
+            true_normal_residual,
+        })
+    }
+
+    /// Whether the truth agrees that every channel is done, by tolerance or by discrepancy.
+    fn confirms(&self, outcome: &Outcome) -> Result<bool> {
+        let data = self.r.upper_norm_squared()?;
+        Ok((0..3).all(|c| {
+            let fits = self.limits.discrepancy.is_some_and(|noise| data[c] <= PARTED * noise[c]);
+            fits || outcome.true_normal_residual[c] <= PARTED * self.limits.tolerance
+        }))
+    }
 }
 
 /// A start to be relative to, in which no channel is mere rounding.
@@ -188,34 +263,15 @@ fn floored(start: Measure) -> Measure {
     Measure { residual: floor(start.residual), normal_residual: floor(start.normal_residual) }
 }
 
-fn reason_to_stop(history: &History, limits: &Limits, seconds: f64) -> Option<StopReason> {
-    let last = history.progress.last()?;
-    if last.normal_residual.iter().all(|&residual| residual <= limits.tolerance) {
-        Some(StopReason::Tolerance)
-    } else if last.iteration >= limits.iterations {
-        Some(StopReason::Iterations)
-    } else if limits.time.is_some_and(|limit| seconds >= limit.as_secs_f64()) {
-        Some(StopReason::Time)
-    } else {
-        None
-    }
-}
-
-fn progress<O: LinearOperator, M: Method<O>>(
+fn progress(
     iteration: usize,
     seconds: f64,
-    method: &M,
+    operator_applications: usize,
+    measure: Measure,
     start: &Measure,
 ) -> Progress {
-    let (residual, normal_residual) = relative(&method.measure(), start);
-    Progress { iteration, seconds, operator_applications: method.applications(), residual, normal_residual }
-}
-
-fn true_measure<O: LinearOperator, M: Method<O>>(method: &M, problem: &LeastSquares<O>) -> Result<Measure> {
-    let (mut r, mut s) = (problem.operator.range(), problem.operator.domain());
-    problem.residual(method.solution(), &mut r)?;
-    problem.operator.apply_adjoint(&r, &mut s)?;
-    Ok(Measure { residual: r.norm_squared()?, normal_residual: s.norm_squared()? })
+    let (residual, normal_residual) = relative(&measure, start);
+    Progress { iteration, seconds, operator_applications, residual, normal_residual }
 }
 
 /// Norms relative to the start; a channel that starts at zero is at zero.
@@ -237,10 +293,4 @@ fn finite(measure: Measure, iteration: usize) -> Result<Measure> {
 
 fn largest(values: Scalars) -> f64 {
     values.iter().copied().fold(0.0, f64::max)
-}
-
-fn copy<V: Vector>(vector: &V) -> V {
-    let mut copied = vector.zeros_like();
-    copied.copy_from(vector);
-    copied
 }

@@ -1,42 +1,56 @@
-//! Methods for `min ½‖A x − b‖²`, one file each, and the loop that drives them.
+//! Methods for `min ½‖A x − b‖², l ≤ x ≤ u`, one file each, and the loop that drives them.
 //!
 //! A method knows operators and vectors and nothing else. The loop owns what all methods share: when to
-//! stop, the history, and the check of the recursive residual against the true one.
+//! stop, the history, and the check of what the method believes against the truth.
+//!
+//! | method | bounds | vectors of the domain, of the range | idea |
+//! |---|---|---|---|
+//! | [`Cgls`] | none | 4, 2 | conjugate gradients on the normal equations |
+//! | [`Lsqr`] | none | 4, 2 | Golub–Kahan bidiagonalization, least ‖b − A x‖ |
+//! | [`Lsmr`] | none | 5, 2 | the same, least ‖Aᵀ(b − A x)‖ |
+//! | [`Fista`] | yes | 6, 1 | projected gradient with momentum and restart |
+//! | [`Spectral`] | yes | 5, 2 | projected gradient with Barzilai–Borwein steps |
+//! | [`Lbfgs`] | yes | 2m + 5, 2 | quasi-Newton on the free elements |
+//! | [`Mprgp`] | yes | 5, 2 | conjugate gradients on a face, projected steps between faces |
+//! | [`FlexibleCgls`] | yes | m + 3, m + 2 | conjugate gradients scaled by the distance to the bounds |
+//! | [`Cgls::clamped`] | yes | 4, 2 | the papers' variant, for comparison; need not converge |
 
+mod bidiagonal;
 mod cgls;
+mod choose;
 mod drive;
+mod fista;
+mod flexible;
+mod lbfgs;
+mod least_squares;
+mod lsmr;
+mod lsqr;
+mod mprgp;
+mod spectral;
+mod stop;
 
 pub use cgls::Cgls;
-pub use drive::{Control, History, Limits, Outcome, Progress, Stop, StopReason, drive};
+pub use choose::{Rule, Term, choose_weight};
+pub use drive::{Beginning, History, Outcome, Progress, drive};
+pub use fista::Fista;
+pub use flexible::FlexibleCgls;
+pub use lbfgs::Lbfgs;
+pub use least_squares::LeastSquares;
+pub use lsmr::Lsmr;
+pub use lsqr::Lsqr;
+pub use mprgp::Mprgp;
+pub use spectral::Spectral;
+pub use stop::{Control, Limits, Progressing, Stop, StopReason};
 
-use crate::Result;
-use crate::operator::{LinearOperator, Scalars};
+use crate::operator::{LinearOperator, Scalars, Vector};
+use crate::{Error, Result};
 
-/// `min ½‖A x − b‖²`, channel by channel.
-#[derive(Debug)]
-pub struct LeastSquares<'a, O: LinearOperator> {
-    /// A: the weighted transport stacked on its regularizers.
-    pub operator: &'a O,
-    /// b: the weighted targets stacked on what the regularizers pull to.
-    pub rhs: &'a O::Range,
-}
-
-impl<O: LinearOperator> LeastSquares<'_, O> {
-    /// r ← b − A x.
-    pub fn residual(&self, x: &O::Domain, r: &mut O::Range) -> Result<()> {
-        use crate::operator::Vector;
-        self.operator.apply(x, r)?;
-        r.axpby([1.0; 3], self.rhs, [-1.0; 3]);
-        Ok(())
-    }
-}
-
-/// How far a method is: squared norms of its residuals, channel by channel.
+/// How far a method is: squared norms, channel by channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measure {
     /// ‖b − A x‖².
     pub residual: Scalars,
-    /// ‖Aᵀ (b − A x)‖².
+    /// ‖Aᵀ (b − A x)‖², without the parts that only the bounds hold back: the KKT residual, zero at a solution.
     pub normal_residual: Scalars,
 }
 
@@ -49,18 +63,45 @@ pub struct State {
     pub scalars: Vec<f64>,
 }
 
-/// An iterative method.
+/// How many vectors a method keeps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Vectors {
+    /// Like x.
+    pub domain: usize,
+    /// Like b.
+    pub range: usize,
+}
+
+/// What of a method lives from one iteration to the next.
+#[derive(Debug)]
+pub struct Memory<'a, O: LinearOperator> {
+    /// Vectors like x.
+    pub domain: Vec<&'a mut O::Domain>,
+    /// Vectors like b.
+    pub range: Vec<&'a mut O::Range>,
+    /// Scalars.
+    pub scalars: Vec<&'a mut Scalars>,
+}
+
+/// An iterative method. It is made by the caller, once for any number of problems of one shape, and owns its vectors;
+/// neither `begin` nor `step` takes memory.
 pub trait Method<O: LinearOperator> {
     /// What it is called in commands and reports.
     fn name(&self) -> &'static str;
 
-    /// Begins, or begins again, at `x`.
+    /// Whether it keeps the bounds of the problem; if not it solves the problem without them.
+    fn keeps_bounds(&self) -> bool;
+
+    /// The vectors that it keeps.
+    fn vectors(&self) -> Vectors;
+
+    /// Begins, or begins again, at `x`; a method that keeps bounds moves it into them first.
     fn begin(&mut self, problem: &LeastSquares<O>, x: &O::Domain) -> Result<()>;
 
-    /// One iteration.
+    /// One iteration; channels that are not live keep their x.
     ///
-    /// Errors: [`crate::Error::Curvature`] when the operator and its adjoint do not match.
-    fn step(&mut self, problem: &LeastSquares<O>) -> Result<()>;
+    /// Errors: [`Error::Curvature`] when the operator and its adjoint do not match.
+    fn step(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<()>;
 
     /// Where it is.
     fn solution(&self) -> &O::Domain;
@@ -68,14 +109,60 @@ pub trait Method<O: LinearOperator> {
     /// What it believes its residuals to be.
     fn measure(&self) -> Measure;
 
-    /// Applications of A and of Aᵀ since it was made, each counted as one.
-    fn applications(&self) -> usize;
+    /// b − A x, where it keeps that.
+    fn residual(&self) -> Option<&O::Range>;
 
-    /// What [`Method::restore`] needs to continue bit by bit.
-    fn save(&self) -> Result<State>;
+    /// What [`save`] writes and [`restore`] reads.
+    fn memory(&mut self) -> Memory<'_, O>;
+}
 
-    /// Continues from a saved state.
-    ///
-    /// Errors: [`crate::Error::Shape`] when it is the state of another method or problem.
-    fn restore(&mut self, state: &State) -> Result<()>;
+/// Which channels are still worked on.
+pub type Live = [bool; 3];
+
+/// 1 where `yes`, else 0: factors that choose channels.
+fn chosen(yes: Live) -> Scalars {
+    yes.map(|yes| if yes { 1.0 } else { 0.0 })
+}
+
+/// A number a channel.
+fn each(number: impl FnMut(usize) -> f64) -> Scalars {
+    std::array::from_fn(number)
+}
+
+/// a / b, and 0 where b is 0.
+fn ratio(a: Scalars, b: Scalars) -> Scalars {
+    each(|c| if b[c] == 0.0 { 0.0 } else { a[c] / b[c] })
+}
+
+/// The state of a method.
+pub fn save<O: LinearOperator>(method: &mut (impl Method<O> + ?Sized)) -> Result<State> {
+    let Memory { domain, range, scalars } = method.memory();
+    let mut vectors = domain.iter().map(|vector| vector.to_host()).collect::<Result<Vec<_>>>()?;
+    for vector in &range {
+        vectors.push(vector.to_host()?);
+    }
+    Ok(State { vectors, scalars: scalars.iter().flat_map(|scalars| **scalars).collect() })
+}
+
+/// Puts a method where [`save`] found it; it then continues bit by bit.
+///
+/// Errors: [`Error::Shape`] when it is the state of another method or problem.
+pub fn restore<O: LinearOperator>(method: &mut (impl Method<O> + ?Sized), state: &State) -> Result<()> {
+    let Memory { domain, range, scalars } = method.memory();
+    let expect = |what, expected, got| {
+        if expected == got { Ok(()) } else { Err(Error::Shape { what, expected, got }) }
+    };
+    expect("a saved state (vectors)", domain.len() + range.len(), state.vectors.len())?;
+    expect("a saved state (scalars)", 3 * scalars.len(), state.scalars.len())?;
+    let (for_domain, for_range) = state.vectors.split_at(domain.len());
+    for (vector, saved) in domain.into_iter().zip(for_domain) {
+        vector.set_from_host(saved)?;
+    }
+    for (vector, saved) in range.into_iter().zip(for_range) {
+        vector.set_from_host(saved)?;
+    }
+    for (scalars, saved) in scalars.into_iter().zip(state.scalars.as_chunks::<3>().0) {
+        *scalars = *saved;
+    }
+    Ok(())
 }

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use unscatter::cpu::{Transport, WalkPlan};
 use unscatter::march::{LightMapTraversal, Real, Traversal};
 use unscatter::operator::{
-    CpuVector, Identity, LinearOperator, Restricted, Scaled, Stacked, Vector, Weighted, adjoint_test,
+    Bounds, CpuVector, Identity, LinearOperator, Restricted, Scaled, Stacked, Vector, Weighted, adjoint_test,
 };
 use unscatter::scene::{Basis, Quadrature, Strategy};
 use unscatter::sparse::ExplicitMatrix;
@@ -72,10 +72,11 @@ proptest! {
     fn compositions_keep_the_adjoint(seed in 1u64.., rows in 2usize..200) {
         let operator = transport::<f64>(seed, rows, Strategy::Auto);
         let columns: Vec<u32> = (0..operator.domain().len() as u32).step_by(2).collect();
-        let weights = random_vector(rows, seed);
+        let mut weights = random_vector(rows, seed);
+        weights.clamp(&Bounds::NOT_NEGATIVE);
         let weighted = Weighted::new(Restricted::new(&operator, columns).unwrap(), weights).unwrap();
         let scaled = Scaled::new(Identity::scaled(&weighted.domain(), [1.0; 3]), [0.5, -2.0, 0.0]);
-        let stacked = Stacked::new(weighted, scaled).unwrap();
+        let stacked = Stacked::new(weighted).over(scaled).unwrap();
         prop_assert!(adjoint_test(&stacked, 3, seed).unwrap().error <= ADJOINT_F64);
     }
 

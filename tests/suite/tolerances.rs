@@ -13,3 +13,9 @@ pub const ADJOINT_F64: f64 = 1e-13;
 /// Two ways to the same light map, relative to its brightest texel: products in f32 that round differently,
 /// over a few iterations.
 pub const SAME_SOLUTION: f64 = 1e-5;
+
+/// The objective against SciPy's, both solved as far as f64 goes.
+pub const SCIPY_OBJECTIVE: f64 = 1e-5;
+
+/// x against SciPy's where the data determine it, relative to its largest element.
+pub const SCIPY_X: f64 = 1e-4;

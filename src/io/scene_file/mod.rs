@@ -23,6 +23,7 @@ mod source;
 mod tests;
 mod transform;
 mod view;
+mod weight;
 mod wording;
 mod write;
 
@@ -40,9 +41,10 @@ pub use map::{Basis, Extent, LightMap, MapSize, ShadowMap};
 pub use medium::Medium;
 pub use occluder::{BoxShape, CylinderShape, GltfMesh, ObjMesh, Occluder, PlaneShape, SphereShape};
 pub use size::{MemorySize, parse_size};
-pub use solve::{Quadrature, Solve, Solver, Strategy};
+pub use solve::{MetricName, Quadrature, Solve, Solver, Strategy};
 pub use transform::{LookAt, Rotate, Transform};
 pub use view::{Camera, FovAxis, GltfCameraNode, Stroke, View};
+pub use weight::Weight;
 pub use write::write;
 
 use flaw::Flaw;

@@ -5,10 +5,12 @@ use std::time::Duration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{self, Regularization, SolveSettings};
+use crate::scene::{self, Regularization, SolveSettings, SolverName};
 
+use super::channels::Channels;
 use super::flaw::{Built, Flaw, checked, within};
 use super::size::MemorySize;
+use super::weight::Weight;
 
 /// How the problem is discretized and solved. What is not given has the default of the library.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -18,13 +20,29 @@ pub struct Solve {
     pub solver: Solver,
     /// Iterations at most, from 1 to 1000000.
     pub iterations: usize,
-    /// Stop when the normal residual has fallen to this part of its start; from 0 (never) to below 1.
+    /// Stop when the projected gradient (for methods without bounds, the normal residual) has fallen to this part of its
+    /// start; from 0 (never) to below 1.
     pub tolerance: f64,
     /// Stop after this many seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
-    /// Pull towards the start, relative to the mean squared column norm of the transport; 0 for none.
-    pub tikhonov: f64,
+    /// Stop when the painted pixels are met to this part of what is painted, root mean square; above 0, below 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<f64>,
+    /// Least radiance of a texel: one number or [r, g, b]; null for no bound.
+    pub lower: Option<Channels>,
+    /// Largest radiance of a texel: one number or [r, g, b]; null for no bound.
+    pub upper: Option<Channels>,
+    /// Pull towards the start; 0 for none.
+    pub tikhonov: Weight,
+    /// Pull towards equal neighbours; 0 for none.
+    pub gradient: Weight,
+    /// Pull towards the mean of the neighbours; 0 for none.
+    pub laplacian: Weight,
+    /// What steps are measured with: the nearer to the normal matrix, the fewer iterations.
+    pub metric: MetricName,
+    /// Whether texels that no painted ray reaches are filled from their neighbours, instead of keeping their start.
+    pub fill: bool,
     /// How the integral along a view ray is taken.
     pub quadrature: Quadrature,
     /// Whether the non-zeros of the transport are kept or walked again in each application.
@@ -40,10 +58,39 @@ pub struct Solve {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Solver {
-    /// Conjugate gradients on the normal equations.
-    Cgls,
-    /// CGLS with negative values set to zero after every step, as in the papers; it need not converge.
+    /// Projected accelerated gradient with restart.
+    Fista,
+    /// Spectral projected gradient.
+    Spectral,
+    /// Projected L-BFGS.
+    Lbfgs,
+    /// Active-set conjugate gradients with proportioning.
+    Mprgp,
+    /// Flexible CGLS that stays inside the bounds.
+    FlexibleCgls,
+    /// CGLS, moved into the bounds after every step, as in the papers; it need not converge.
     ClampedCgls,
+    /// Conjugate gradients on the normal equations, without bounds.
+    Cgls,
+    /// LSQR, without bounds.
+    Lsqr,
+    /// LSMR, without bounds.
+    Lsmr,
+}
+
+/// What steps are measured with. LSQR, LSMR and flexible CGLS do without; `tiles` is for FISTA and CGLS, the others take
+/// `sqs` in its place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MetricName {
+    /// Dense blocks of 8 × 8 texels.
+    Tiles,
+    /// The product of the matrix and its transpose with ones, the separable quadratic surrogate.
+    Sqs,
+    /// The diagonal of the normal matrix.
+    Jacobi,
+    /// Nothing.
+    None,
 }
 
 /// How the integral along a view ray is taken.
@@ -79,7 +126,14 @@ impl Default for Solve {
             iterations: settings.iterations,
             tolerance: settings.tolerance,
             seconds: settings.time_limit.map(|limit| limit.as_secs_f64()),
-            tikhonov: settings.regularization.tikhonov,
+            noise: settings.noise,
+            lower: bound(settings.bounds[0]),
+            upper: bound(settings.bounds[1]),
+            tikhonov: settings.regularization.tikhonov.into(),
+            gradient: settings.regularization.gradient.into(),
+            laplacian: settings.regularization.laplacian.into(),
+            metric: settings.metric.into(),
+            fill: settings.fill,
             quadrature: settings.quadrature.into(),
             strategy: settings.strategy.into(),
             memory: settings.memory.map(MemorySize),
@@ -94,7 +148,18 @@ const STEPS: [u32; 2] = [1, 100_000];
 impl Solve {
     /// The settings of a solve with the `basis` that the light map asks for.
     pub(super) fn build(&self, basis: scene::Basis) -> Built<SolveSettings> {
-        let tikhonov = checked("tikhonov", self.tikhonov, "finite and not negative", |t| t >= 0.0)?;
+        let regularization = Regularization {
+            tikhonov: self.tikhonov.build("tikhonov")?,
+            gradient: self.gradient.build("gradient")?,
+            laplacian: self.laplacian.build("laplacian")?,
+        };
+        let open = [("tikhonov", self.tikhonov), ("gradient", self.gradient), ("laplacian", self.laplacian)];
+        if let Some((name, _)) = open.iter().filter(|(_, weight)| weight.is_open()).nth(1) {
+            return Err(Flaw::new(
+                *name,
+                "only one weight can be chosen by a rule; give the others as numbers",
+            ));
+        }
         Ok(SolveSettings {
             solver: self.solver.into(),
             iterations: within("iterations", self.iterations, ITERATIONS)?,
@@ -102,7 +167,14 @@ impl Solve {
                 (0.0..1.0).contains(&t)
             })?,
             time_limit: self.seconds.map(time_limit).transpose()?,
-            regularization: Regularization { tikhonov },
+            noise: self
+                .noise
+                .map(|noise| checked("noise", noise, "above 0 and below 1", |n| 0.0 < n && n < 1.0))
+                .transpose()?,
+            bounds: self.bounds()?,
+            metric: self.metric.into(),
+            fill: self.fill,
+            regularization,
             basis,
             quadrature: self.quadrature.build()?,
             strategy: self.strategy.into(),
@@ -115,6 +187,40 @@ impl Solve {
             )?,
         })
     }
+}
+
+impl Solve {
+    fn bounds(&self) -> Built<[[f64; 3]; 2]> {
+        let channels = |bound: Option<Channels>, none: f64| bound.map_or([none; 3], Channels::wide);
+        let (lower, upper) = (channels(self.lower, f64::NEG_INFINITY), channels(self.upper, f64::INFINITY));
+        // f32 is what texels are.
+        let fits =
+            |bounds: [f64; 3]| bounds.iter().all(|b| b.is_infinite() || b.abs() <= f64::from(f32::MAX));
+        for (name, bound, values) in [("lower", self.lower, lower), ("upper", self.upper, upper)] {
+            if let Some(bound) = bound.filter(|_| !fits(values)) {
+                return Err(Flaw::value(name, bound, "a number that a texel can hold"));
+            }
+        }
+        if let Some(upper) = self.upper.filter(|_| (0..3).any(|c| lower[c] > upper[c])) {
+            return Err(Flaw::value("upper", upper, "not below `lower` in any channel"));
+        }
+        if self.upper.is_some() && !SolverName::from(self.solver).keeps_bounds() {
+            return Err(Flaw::new(
+                "upper",
+                "this solver keeps no bounds; choose another or leave `upper` away",
+            ));
+        }
+        Ok([lower, upper])
+    }
+}
+
+/// A bound as a person writes it.
+fn bound(values: [f64; 3]) -> Option<Channels> {
+    let equal = values[0] == values[1] && values[1] == values[2];
+    values
+        .iter()
+        .all(|value| value.is_finite())
+        .then(|| if equal { Channels::Grey(values[0]) } else { Channels::Rgb(values) })
 }
 
 fn time_limit(seconds: f64) -> Built<Duration> {
@@ -159,7 +265,10 @@ macro_rules! same_names {
     };
 }
 
-same_names!(Solver, SolverName: Cgls, ClampedCgls);
+same_names!(
+    Solver, SolverName: Fista, Spectral, Lbfgs, Mprgp, FlexibleCgls, ClampedCgls, Cgls, Lsqr, Lsmr
+);
+same_names!(MetricName, MetricName: Tiles, Sqs, Jacobi, None);
 same_names!(Strategy, Strategy: Auto, Assembled, MatrixFree);
 
 #[cfg(test)]
@@ -176,7 +285,8 @@ mod tests {
     #[test]
     fn every_field_reaches_the_settings() {
         let text = r#"{"solver": "clamped-cgls", "iterations": 7, "tolerance": 0.5, "seconds": 1.5, "tikhonov": 2,
-            "quadrature": {"march": {"steps": 9}}, "strategy": "matrix-free", "memory": "3KiB",
+            "gradient": "gcv", "laplacian": 0.5, "noise": 0.1, "lower": null, "upper": [1, 2, 3], "metric": "jacobi",
+             "fill": true, "quadrature": {"march": {"steps": 9}}, "strategy": "matrix-free", "memory": "3KiB",
             "transmittance_bound": 0.25}"#;
         let solve: Solve = serde_json::from_str(text).unwrap();
         let expected = SolveSettings {
@@ -184,7 +294,15 @@ mod tests {
             iterations: 7,
             tolerance: 0.5,
             time_limit: Some(Duration::from_millis(1500)),
-            regularization: Regularization { tikhonov: 2.0 },
+            noise: Some(0.1),
+            bounds: [[f64::NEG_INFINITY; 3], [1.0, 2.0, 3.0]],
+            metric: scene::MetricName::Jacobi,
+            fill: true,
+            regularization: Regularization {
+                tikhonov: scene::Weight::Relative(2.0),
+                gradient: scene::Weight::Gcv,
+                laplacian: scene::Weight::Relative(0.5),
+            },
             basis: scene::Basis::Nearest,
             quadrature: scene::Quadrature::March { steps: 9 },
             strategy: scene::Strategy::MatrixFree,
@@ -203,6 +321,12 @@ mod tests {
             (r#"{"seconds": 0}"#, "seconds"),
             (r#"{"seconds": 1e300}"#, "seconds"),
             (r#"{"tikhonov": -1}"#, "tikhonov"),
+            (r#"{"gradient": -1e-9}"#, "gradient"),
+            (r#"{"tikhonov": "gcv", "laplacian": "l-curve"}"#, "laplacian"),
+            (r#"{"noise": 0}"#, "noise"),
+            (r#"{"lower": 2, "upper": [3, 3, 1]}"#, "upper"),
+            (r#"{"lower": 1e300}"#, "lower"),
+            (r#"{"solver": "lsqr", "upper": 1}"#, "upper"),
             (r#"{"quadrature": {"march": {"steps": 0}}}"#, "quadrature.march.steps"),
             (r#"{"transmittance_bound": 0}"#, "transmittance_bound"),
         ];

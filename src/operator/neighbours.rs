@@ -1,0 +1,177 @@
+//! Differences between neighbours on a lattice of which only some elements are unknown.
+//!
+//! Source  first differences as in Klehm 2015, sec. 7.4.2; boundary rows are left out, so that a constant has no
+//!         gradient and no Laplacian wherever the unknown elements end.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use super::{Indexed, LinearOperator, NOWHERE};
+use crate::{Error, Result};
+
+/// Which unknown elements of a lattice lie side by side: an edge for every such pair.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Neighbours {
+    elements: usize,
+    /// The unknown at the beginning of each edge, and the one at its end, one further along an axis.
+    tails: Vec<u32>,
+    heads: Vec<u32>,
+    /// For every axis and unknown the edge that ends there, and the one that begins there, or [`NOWHERE`].
+    into: Vec<Vec<u32>>,
+    out_of: Vec<Vec<u32>>,
+}
+
+impl Neighbours {
+    /// The lattice has so many elements along each axis, the first axis running fastest; `columns` are the unknown ones, in
+    /// increasing order.
+    ///
+    /// Errors: [`Error::Value`] for columns outside the lattice.
+    pub fn new(size: &[usize], columns: &[u32]) -> Result<Self> {
+        let total: usize = size.iter().product();
+        if columns.last().is_some_and(|&last| last as usize >= total) {
+            return Err(Error::value("columns", columns.len(), "indices of elements of the lattice"));
+        }
+        let mut unknown = vec![NOWHERE; total];
+        columns.iter().zip(0u32..).for_each(|(&column, index)| unknown[column as usize] = index);
+        let (mut tails, mut heads) = (Vec::new(), Vec::new());
+        let (mut into, mut out_of) = (Vec::new(), Vec::new());
+        let mut stride = 1;
+        for &side in size {
+            let (mut ends, mut begins) = (vec![NOWHERE; columns.len()], vec![NOWHERE; columns.len()]);
+            for (&column, tail) in columns.iter().zip(0u32..) {
+                let place = column as usize;
+                if (place / stride) % side + 1 == side || unknown[place + stride] == NOWHERE {
+                    continue;
+                }
+                let head = unknown[place + stride];
+                let edge = tails.len() as u32;
+                (begins[tail as usize], ends[head as usize]) = (edge, edge);
+                tails.push(tail);
+                heads.push(head);
+            }
+            into.push(ends);
+            out_of.push(begins);
+            stride *= side;
+        }
+        Ok(Self { elements: columns.len(), tails, heads, into, out_of })
+    }
+
+    /// The number of pairs.
+    pub fn edges(&self) -> usize {
+        self.tails.len()
+    }
+
+    /// How many neighbours each unknown has.
+    pub fn degrees(&self) -> Vec<u32> {
+        let mut degrees = vec![0; self.elements];
+        self.tails.iter().chain(&self.heads).for_each(|&element| degrees[element as usize] += 1);
+        degrees
+    }
+
+    /// |L|ᵀ |L| 1 of the Laplacian: a diagonal that majorizes Lᵀ L.
+    pub fn laplacian_majorizer(&self) -> Vec<f64> {
+        let degrees: Vec<f64> = self.degrees().into_iter().map(f64::from).collect();
+        let mut sums: Vec<f64> = degrees.iter().map(|degree| 2.0 * degree * degree).collect();
+        for (&tail, &head) in self.tails.iter().zip(&self.heads) {
+            sums[tail as usize] += 2.0 * degrees[head as usize];
+            sums[head as usize] += 2.0 * degrees[tail as usize];
+        }
+        sums
+    }
+
+    /// |G|ᵀ |G| 1 of the gradient: a diagonal that majorizes Gᵀ G.
+    pub fn gradient_majorizer(&self) -> Vec<f64> {
+        self.degrees().into_iter().map(|degree| 2.0 * f64::from(degree)).collect()
+    }
+}
+
+/// x_head − x_tail for every pair of neighbours.
+#[derive(Debug)]
+pub struct Gradient<V> {
+    neighbours: Arc<Neighbours>,
+    scratch: RefCell<[V; 2]>,
+}
+
+impl<V: Indexed> Gradient<V> {
+    /// On vectors that live where `prototype` does.
+    pub fn new(neighbours: Arc<Neighbours>, prototype: &V) -> Self {
+        let scratch = [prototype.zeros(neighbours.edges()), prototype.zeros(neighbours.elements)];
+        Self { neighbours, scratch: RefCell::new(scratch) }
+    }
+}
+
+impl<V: Indexed> LinearOperator for Gradient<V> {
+    type Domain = V;
+    type Range = V;
+
+    fn domain(&self) -> V {
+        self.scratch.borrow()[1].zeros_like()
+    }
+
+    fn range(&self) -> V {
+        self.scratch.borrow()[0].zeros_like()
+    }
+
+    fn apply(&self, x: &V, y: &mut V) -> Result<()> {
+        super::expect_len("x", x, self.neighbours.elements)?;
+        super::expect_len("y", y, self.neighbours.edges())?;
+        let [at_tails, _] = &mut *self.scratch.borrow_mut();
+        y.pick(x, &self.neighbours.heads);
+        at_tails.pick(x, &self.neighbours.tails);
+        y.axpby([-1.0; 3], at_tails, [1.0; 3]);
+        Ok(())
+    }
+
+    fn apply_adjoint(&self, y: &V, x: &mut V) -> Result<()> {
+        super::expect_len("x", x, self.neighbours.elements)?;
+        super::expect_len("y", y, self.neighbours.edges())?;
+        let [_, along_axis] = &mut *self.scratch.borrow_mut();
+        x.fill([0.0; 3]);
+        for (into, out_of) in self.neighbours.into.iter().zip(&self.neighbours.out_of) {
+            for (edges, sign) in [(into, 1.0), (out_of, -1.0)] {
+                along_axis.pick(y, edges);
+                x.axpby([sign; 3], along_axis, [1.0; 3]);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// For every element the sum of its differences to its neighbours: Gᵀ G, the Laplacian with its sign turned.
+#[derive(Debug)]
+pub struct Laplacian<V> {
+    gradient: Gradient<V>,
+    differences: RefCell<V>,
+}
+
+impl<V: Indexed> Laplacian<V> {
+    /// On vectors that live where `prototype` does.
+    pub fn new(neighbours: Arc<Neighbours>, prototype: &V) -> Self {
+        let gradient = Gradient::new(neighbours, prototype);
+        let differences = RefCell::new(gradient.range());
+        Self { gradient, differences }
+    }
+}
+
+impl<V: Indexed> LinearOperator for Laplacian<V> {
+    type Domain = V;
+    type Range = V;
+
+    fn domain(&self) -> V {
+        self.gradient.domain()
+    }
+
+    fn range(&self) -> V {
+        self.gradient.domain()
+    }
+
+    fn apply(&self, x: &V, y: &mut V) -> Result<()> {
+        let mut differences = self.differences.borrow_mut();
+        self.gradient.apply(x, &mut differences)?;
+        self.gradient.apply_adjoint(&differences, y)
+    }
+
+    fn apply_adjoint(&self, y: &V, x: &mut V) -> Result<()> {
+        self.apply(y, x)
+    }
+}

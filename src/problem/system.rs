@@ -1,0 +1,309 @@
+use std::sync::Arc;
+
+use super::{Constraint, LightMapOperator, LightMapProblem};
+use crate::cpu::Tiling;
+use crate::operator::{
+    Blocks, Bounds, CpuVector, Gradient, Identity, Laplacian, LinearOperator, Metric, Neighbours, Restricted,
+    Scaled, Scaling, Stacked, Vector, Weighted,
+};
+use crate::scene::{MetricName, Rgb, SolveSettings, Weight};
+use crate::solve::{LeastSquares, Limits, Rule, Term, choose_weight};
+use crate::{Error, Result};
+
+/// λ of the regularizers, as they multiply ½‖·‖².
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Weights {
+    /// Of the distance to the start.
+    pub tikhonov: f64,
+    /// Of the differences between neighbours.
+    pub gradient: f64,
+    /// Of their sums around an element.
+    pub laplacian: f64,
+}
+
+/// `[W T E; √λᵢ Rᵢ] x = [W b; √λᵢ Rᵢ x₀]`, with all that a method needs to solve it.
+///
+/// Rows of T are divided by the norm of a typical column, so that f32 serves media of any density alike and a λ relative
+/// to the columns is a λ.
+pub struct System<'a> {
+    operator: Stacked<'a, CpuVector>,
+    rhs: Blocks<CpuVector>,
+    start: CpuVector,
+    bounds: Bounds,
+    /// The texels that are unknown: those that a painted ray reaches.
+    columns: Vec<u32>,
+    /// What the rows are divided by.
+    norm: f64,
+    /// λ of the divided rows.
+    weights: Weights,
+    metric: Option<Box<dyn Metric<CpuVector>>>,
+    applications: usize,
+}
+
+impl<'a> System<'a> {
+    /// The system with the weights that the settings ask for. `coverage` is diag(Tᵀ diag(w) T) of this problem.
+    ///
+    /// Errors: [`Error::Value`] naming a setting or a constraint's weight, [`Error::Empty`] when no texel is reached.
+    pub fn new(
+        problem: &LightMapProblem,
+        operator: &'a LightMapOperator,
+        coverage: &CpuVector,
+        settings: &SolveSettings,
+    ) -> Result<Self> {
+        let mut system = Self::without_regularization(problem, operator, coverage, settings)?;
+        let regularizers = system.regularizers(problem)?;
+        system.weights = system.choose(settings, &regularizers)?;
+        system.metric = system.measure(problem, operator, coverage, settings, &regularizers)?;
+        system.regularize(regularizers)
+    }
+
+    /// λ of the rows as they are.
+    pub fn absolute_weights(&self) -> Weights {
+        let Weights { tikhonov, gradient, laplacian } = self.weights;
+        let square = self.norm.powi(2);
+        Weights { tikhonov: square * tikhonov, gradient: square * gradient, laplacian: square * laplacian }
+    }
+
+    /// [W T E; √λᵢ Rᵢ].
+    pub fn operator(&self) -> &Stacked<'a, CpuVector> {
+        &self.operator
+    }
+
+    /// x₀ of the unknown texels.
+    pub fn start(&self) -> &CpuVector {
+        &self.start
+    }
+
+    /// The texels that are unknown, in increasing order.
+    pub fn columns(&self) -> &[u32] {
+        &self.columns
+    }
+
+    /// Applications of the transport that setting up took.
+    pub fn applications(&self) -> usize {
+        self.applications
+    }
+
+    /// What a method solves.
+    pub fn problem(&self) -> LeastSquares<'_, Stacked<'a, CpuVector>> {
+        let problem = LeastSquares::new(&self.operator, &self.rhs).bounded(self.bounds);
+        match &self.metric {
+            Some(metric) => problem.measured(&**metric),
+            None => problem,
+        }
+    }
+
+    /// When to stop; the noise is relative to what is painted.
+    pub fn limits(&self, problem: &LightMapProblem, settings: &SolveSettings) -> Limits {
+        let discrepancy = settings.noise.map(|noise| {
+            let mut wanted = [0.0; 3];
+            for (row, pixel) in problem.constraints.iter().enumerate() {
+                let color = problem.wanted(row);
+                for c in 0..3 {
+                    wanted[c] += f64::from(pixel.weight) * f64::from(color[c]).powi(2);
+                }
+            }
+            wanted.map(|wanted| wanted * (noise / self.norm).powi(2))
+        });
+        Limits {
+            iterations: settings.iterations,
+            tolerance: settings.tolerance,
+            time: settings.time_limit,
+            discrepancy,
+        }
+    }
+
+    /// All texels, given the unknown ones.
+    pub fn all_texels(&self, problem: &LightMapProblem, x: &CpuVector) -> Vec<Rgb> {
+        let mut texels = vec![problem.start; problem.maps.light_map.len()];
+        self.columns.iter().zip(&x.0).for_each(|(&column, &value)| texels[column as usize] = value);
+        texels
+    }
+
+    /// The unknown texels of all.
+    pub fn unknown(&self, texels: &[Rgb]) -> CpuVector {
+        CpuVector(self.columns.iter().map(|&column| texels[column as usize]).collect())
+    }
+
+    fn without_regularization(
+        problem: &LightMapProblem,
+        operator: &'a LightMapOperator,
+        coverage: &CpuVector,
+        settings: &SolveSettings,
+    ) -> Result<Self> {
+        let columns = reached(coverage);
+        if columns.is_empty() {
+            return Err(Error::Empty {
+                reason: "the light of the painted pixels is too weak to be computed with".to_owned(),
+                remedy: "raise medium.sigma_t or medium.albedo",
+            });
+        }
+        let norm = mean_squared_column_norm(coverage, columns.len()).sqrt();
+        let factor = |weight: f32| [(f64::from(weight).sqrt() / norm) as f32; 3];
+        let factors = CpuVector(problem.constraints.iter().map(|pixel| factor(pixel.weight)).collect());
+        let weighted = Weighted::new(Restricted::new(operator, columns.clone())?, factors)?;
+        let mut start = weighted.domain();
+        start.fill(problem.start.map(f64::from));
+        let mut targets = CpuVector(problem.targets.clone());
+        weighted.weigh(&mut targets);
+        let [lower, upper] = settings.bounds;
+        Ok(Self {
+            operator: Stacked::new(weighted),
+            rhs: Blocks(vec![targets]),
+            start,
+            bounds: if settings.solver.keeps_bounds() { Bounds::new(lower, upper)? } else { Bounds::NONE },
+            columns,
+            norm,
+            weights: Weights::default(),
+            metric: None,
+            applications: 0,
+        })
+    }
+
+    fn regularizers(&self, problem: &LightMapProblem) -> Result<Regularizers> {
+        let neighbours = Arc::new(Neighbours::new(&problem.maps.light_map.size, &self.columns)?);
+        Ok(Regularizers {
+            tikhonov: Identity::scaled(&self.start, [1.0; 3]),
+            gradient: Gradient::new(neighbours.clone(), &self.start),
+            laplacian: Laplacian::new(neighbours.clone(), &self.start),
+            neighbours,
+        })
+    }
+
+    /// The relative weights, with the one that is left open chosen by its rule.
+    fn choose(&mut self, settings: &SolveSettings, regularizers: &Regularizers) -> Result<Weights> {
+        let asked = settings.regularization;
+        let asked = [asked.tikhonov, asked.gradient, asked.laplacian];
+        let mut rule = None;
+        let mut weights = [None; 3];
+        for (i, name) in ["tikhonov", "gradient", "laplacian"].into_iter().enumerate() {
+            match asked[i] {
+                // Not `< 0`: a NaN must not pass.
+                Weight::Relative(weight) if !(weight >= 0.0 && weight.is_finite()) => {
+                    return Err(Error::value(name, weight, "finite and not negative"));
+                }
+                Weight::Relative(weight) => weights[i] = Some(weight),
+                Weight::Gcv => rule = Some(Rule::Gcv),
+                Weight::LCurve => rule = Some(Rule::LCurve),
+            }
+        }
+        if let Some(rule) = rule {
+            let operators: [&dyn LinearOperator<Domain = CpuVector, Range = CpuVector>; 3] =
+                [&regularizers.tikhonov, &regularizers.gradient, &regularizers.laplacian];
+            let terms: Vec<_> = (0..3)
+                .filter(|&i| weights[i] != Some(0.0))
+                .map(|i| Term { operator: operators[i], weight: weights[i] })
+                .collect();
+            let data = LeastSquares::new(&self.operator, &self.rhs);
+            let chosen = choose_weight(&data, &self.start, &terms, rule)?;
+            self.applications += data.applications();
+            weights = weights.map(|weight| Some(weight.unwrap_or(chosen)));
+        }
+        let [tikhonov, gradient, laplacian] = weights.map(Option::unwrap_or_default);
+        Ok(Weights { tikhonov, gradient, laplacian })
+    }
+
+    /// Puts the regularizers below the data.
+    fn regularize(mut self, regularizers: Regularizers) -> Result<Self> {
+        let Weights { tikhonov, gradient, laplacian } = self.weights;
+        let Regularizers { tikhonov: identity, gradient: differences, laplacian: sums, .. } = regularizers;
+        let root = |weight: f64| [weight.sqrt(); 3];
+        if tikhonov > 0.0 {
+            self.operator = self.operator.over(Scaled::new(identity, root(tikhonov)))?;
+        }
+        if gradient > 0.0 {
+            self.operator = self.operator.over(Scaled::new(differences, root(gradient)))?;
+        }
+        if laplacian > 0.0 {
+            self.operator = self.operator.over(Scaled::new(sums, root(laplacian)))?;
+        }
+        for block in 1..self.operator.blocks() {
+            let operator = self.operator.block(block);
+            let mut pulled = operator.range();
+            operator.apply(&self.start, &mut pulled)?;
+            self.rhs.0.push(pulled);
+        }
+        Ok(self)
+    }
+
+    /// The metric of data and regularizers that the settings ask for.
+    fn measure(
+        &mut self,
+        problem: &LightMapProblem,
+        operator: &LightMapOperator,
+        coverage: &CpuVector,
+        settings: &SolveSettings,
+        regularizers: &Regularizers,
+    ) -> Result<Option<Box<dyn Metric<CpuVector>>>> {
+        let name = match settings.metric {
+            MetricName::Tiles if !settings.solver.uses_tiles() => MetricName::Sqs,
+            name => name,
+        };
+        let square = self.norm.powi(2);
+        let added = regularizers.diagonal(self.weights, name);
+        let diagonal = match name {
+            MetricName::None => return Ok(None),
+            MetricName::Tiles => {
+                let tiling = Tiling::new(problem.maps.light_map.size, &self.columns);
+                let weight = |pixel: &Constraint| f64::from(pixel.weight) / square;
+                let weights: Vec<f64> = problem.constraints.iter().map(weight).collect();
+                return operator.tile_metric(&tiling, &weights, &added).map(Some);
+            }
+            MetricName::Jacobi => {
+                let mut squares = self.unknown(&coverage.0);
+                squares.scale([1.0 / square; 3]);
+                squares
+            }
+            // The transport has no negative weight, so that |A| is A.
+            MetricName::Sqs => {
+                let (mut ones, mut sums) = (self.operator.domain(), self.operator.range());
+                ones.fill([1.0; 3]);
+                self.operator.apply(&ones, &mut sums)?;
+                self.operator.apply_adjoint(&sums, &mut ones)?;
+                self.applications += 2;
+                ones
+            }
+        };
+        let mut diagonal = diagonal;
+        diagonal.axpby([1.0; 3], &CpuVector::of(&added), [1.0; 3]);
+        Ok(Some(Box::new(Scaling::new(diagonal, name == MetricName::Sqs))))
+    }
+}
+
+/// The regularizers of one lattice of unknowns, without their weights.
+struct Regularizers {
+    tikhonov: Identity<CpuVector>,
+    gradient: Gradient<CpuVector>,
+    laplacian: Laplacian<CpuVector>,
+    neighbours: Arc<Neighbours>,
+}
+
+impl Regularizers {
+    /// Σ λ |R|ᵀ |R| 1, which majorizes them; for Jacobi the diagonal of Σ λ Rᵀ R.
+    fn diagonal(&self, weights: Weights, metric: MetricName) -> Vec<[f64; 3]> {
+        let (of_gradient, of_laplacian) = match metric {
+            MetricName::Jacobi => {
+                let degrees: Vec<f64> = self.neighbours.degrees().into_iter().map(f64::from).collect();
+                let squares = degrees.iter().map(|degree| degree * (degree + 1.0)).collect();
+                (degrees, squares)
+            }
+            _ => (self.neighbours.gradient_majorizer(), self.neighbours.laplacian_majorizer()),
+        };
+        let sum = |(gradient, laplacian): (f64, f64)| {
+            [weights.tikhonov + weights.gradient * gradient + weights.laplacian * laplacian; 3]
+        };
+        of_gradient.into_iter().zip(of_laplacian).map(sum).collect()
+    }
+}
+
+/// The elements that some painted ray reaches.
+fn reached(coverage: &CpuVector) -> Vec<u32> {
+    let is_reached = |&(_, squares): &(usize, &Rgb)| squares.iter().any(|&value| value > 0.0);
+    coverage.0.iter().enumerate().filter(is_reached).map(|(index, _)| index as u32).collect()
+}
+
+/// Mean over reached elements and channels of ‖W T eᵢ‖².
+fn mean_squared_column_norm(coverage: &CpuVector, reached: usize) -> f64 {
+    let sum: f64 = coverage.0.iter().flatten().map(|&value| f64::from(value)).sum();
+    sum / (3 * reached.max(1)) as f64
+}

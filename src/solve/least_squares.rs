@@ -1,0 +1,135 @@
+use std::cell::Cell;
+
+use crate::Result;
+use crate::operator::{Bounds, LinearOperator, Metric, Scalars, Vector, expect_len};
+
+/// `min ½‖A x − b‖², l ≤ x ≤ u`, channel by channel; it counts how often its operator is applied.
+pub struct LeastSquares<'a, O: LinearOperator> {
+    /// A: the weighted transport stacked on its regularizers.
+    operator: &'a O,
+    /// b: the weighted targets stacked on what the regularizers pull to.
+    rhs: &'a O::Range,
+    bounds: Bounds,
+    metric: Option<&'a dyn Metric<O::Domain>>,
+    applications: Cell<usize>,
+}
+
+impl<O: LinearOperator> std::fmt::Debug for LeastSquares<'_, O> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LeastSquares").field("bounds", &self.bounds).finish_non_exhaustive()
+    }
+}
+
+impl<'a, O: LinearOperator> LeastSquares<'a, O> {
+    /// Without bounds and metric.
+    pub fn new(operator: &'a O, rhs: &'a O::Range) -> Self {
+        Self { operator, rhs, bounds: Bounds::NONE, metric: None, applications: Cell::new(0) }
+    }
+
+    /// With bounds, for the methods that keep them; the others solve the problem without.
+    pub fn bounded(self, bounds: Bounds) -> Self {
+        Self { bounds, ..self }
+    }
+
+    /// With a metric, for the methods that use one. All but [`super::Fista`] and [`super::Cgls`] take it to be diagonal.
+    pub fn measured(self, metric: &'a dyn Metric<O::Domain>) -> Self {
+        Self { metric: Some(metric), ..self }
+    }
+
+    /// Errors: [`crate::Error::Shape`] when the right-hand side does not fit the operator.
+    pub(super) fn check(&self) -> Result<()> {
+        expect_len("the right-hand side", self.rhs, self.operator.range().len())
+    }
+
+    /// A.
+    pub fn operator(&self) -> &O {
+        self.operator
+    }
+
+    /// b.
+    pub fn rhs(&self) -> &O::Range {
+        self.rhs
+    }
+
+    /// l and u.
+    pub fn bounds(&self) -> &Bounds {
+        &self.bounds
+    }
+
+    /// Applications of A and of Aᵀ so far, each counted as one.
+    pub fn applications(&self) -> usize {
+        self.applications.get()
+    }
+
+    /// y ← A x.
+    pub fn apply(&self, x: &O::Domain, y: &mut O::Range) -> Result<()> {
+        self.applications.set(self.applications.get() + 1);
+        self.operator.apply(x, y)
+    }
+
+    /// x ← Aᵀ y.
+    pub fn apply_adjoint(&self, y: &O::Range, x: &mut O::Domain) -> Result<()> {
+        self.applications.set(self.applications.get() + 1);
+        self.operator.apply_adjoint(y, x)
+    }
+
+    /// r ← b − A x.
+    pub fn residual(&self, x: &O::Domain, r: &mut O::Range) -> Result<()> {
+        self.apply(x, r)?;
+        r.axpby([1.0; 3], self.rhs, [-1.0; 3]);
+        Ok(())
+    }
+
+    /// g ← Aᵀ (A x − b), given r = b − A x.
+    pub fn gradient(&self, r: &O::Range, g: &mut O::Domain) -> Result<()> {
+        self.apply_adjoint(r, g)?;
+        g.scale([-1.0; 3]);
+        Ok(())
+    }
+
+    /// v ← M⁻¹ v.
+    pub fn shrink(&self, v: &mut O::Domain) {
+        if let Some(metric) = self.metric {
+            metric.shrink(v);
+        }
+    }
+
+    /// v ← M v.
+    pub fn stretch(&self, v: &mut O::Domain) {
+        if let Some(metric) = self.metric {
+            metric.stretch(v);
+        }
+    }
+
+    /// x ← where the projected step from y leads, given the gradient there in x: [`Metric::descend`].
+    pub fn descend(&self, x: &mut O::Domain, y: &O::Domain, norm: Scalars) {
+        match self.metric {
+            Some(metric) => metric.descend(x, y, norm, &self.bounds),
+            None => {
+                x.axpby([1.0; 3], y, norm.map(|norm| -1.0 / norm));
+                x.clamp(&self.bounds);
+            }
+        }
+    }
+
+    /// ‖A z‖² / zᵀ M z for z = M⁻¹ g: how strongly the problem curves down the gradient; 1 where g is zero.
+    ///
+    /// `z` and `image` are overwritten.
+    pub(super) fn curvature_along(
+        &self,
+        g: &O::Domain,
+        z: &mut O::Domain,
+        image: &mut O::Range,
+    ) -> Result<Scalars> {
+        z.copy_from(g);
+        self.shrink(z);
+        self.apply(z, image)?;
+        let (curvature, length) = (image.norm_squared()?, z.dot(g)?);
+        Ok(std::array::from_fn(|c| if curvature[c] > 0.0 { curvature[c] / length[c] } else { 1.0 }))
+    }
+
+    /// Whether ‖A x‖² ≤ xᵀ M x is known.
+    pub fn is_majorized(&self) -> bool {
+        self.metric.is_some_and(Metric::majorizes)
+    }
+}

@@ -1,0 +1,210 @@
+//! MPRGP: conjugate gradients on a face of the box, projected gradient steps to a larger face, and steps off the bounds.
+//!
+//! Problem       min ½‖A x − b‖², l ≤ x ≤ u.
+//! Equivalences  Without bounds, or once the face no longer changes, CGLS in the metric of D.
+//! Caveats       Every change of face costs an iteration and the conjugacy, so it is slow while there are many.
+//!               The expansion step is taken in an iteration of its own, after the shortened conjugate step.
+//! Convergence   Linear from the start, at a rate that depends on the spectrum alone; finite where the solution is not
+//!               degenerate (Dostál and Schöberl 2005, theorems 4 and 5).
+//! Source        Dostál 2009, *Optimal Quadratic Programming Algorithms*, algorithm 5.8 with Γ = 1.
+
+use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, ratio};
+use crate::operator::{LinearOperator, Scalars, Vector};
+use crate::{Error, Result};
+
+/// The fixed step of an expansion, in parts of 1 / ‖D⁻¹ Aᵀ A‖; below 2.
+const EXPANSION: f64 = 1.9;
+
+/// Modified proportioning with reduced gradient projections.
+#[derive(Debug)]
+pub struct Mprgp<O: LinearOperator> {
+    x: O::Domain,
+    g: O::Domain,
+    /// The direction of the step, and of the next conjugate one.
+    p: O::Domain,
+    /// The free gradient: g where x is inside.
+    phi: O::Domain,
+    z: O::Domain,
+    r: O::Range,
+    /// A p.
+    q: O::Range,
+    /// ⟨φ, D⁻¹ φ⟩ where the last conjugate step began; 0 when the next one is the first.
+    gamma: Scalars,
+    /// 1 where the last step ended at a bound.
+    met_bound: Scalars,
+    /// ‖A d‖² ≤ `norm` dᵀ D d for every d met so far.
+    norm: Scalars,
+    residual: Scalars,
+    normal_residual: Scalars,
+}
+
+/// What a channel does in an iteration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Rest,
+    Conjugate,
+    Expansion,
+    Proportioning,
+}
+
+impl<O: LinearOperator> Mprgp<O> {
+    /// The vectors that it keeps.
+    pub const VECTORS: Vectors = Vectors { domain: 5, range: 2 };
+
+    /// The method for problems of this operator's shape.
+    pub fn new(operator: &O) -> Self {
+        Self {
+            x: operator.domain(),
+            g: operator.domain(),
+            p: operator.domain(),
+            phi: operator.domain(),
+            z: operator.domain(),
+            r: operator.range(),
+            q: operator.range(),
+            gamma: [0.0; 3],
+            met_bound: [0.0; 3],
+            norm: [1.0; 3],
+            residual: [0.0; 3],
+            normal_residual: [0.0; 3],
+        }
+    }
+
+    /// φ and D⁻¹ φ; gives ⟨φ, D⁻¹ φ⟩.
+    fn free_gradient(&mut self, problem: &LeastSquares<O>) -> Result<Scalars> {
+        self.phi.copy_from(&self.g);
+        self.phi.hold_at_bounds(&self.x, problem.bounds());
+        self.z.copy_from(&self.phi);
+        problem.shrink(&mut self.z);
+        self.phi.dot(&self.z)
+    }
+
+    /// d = P(x − step D⁻¹ φ) − x, given D⁻¹ φ in `z`; it is left in `z`.
+    fn projected_step(&mut self, problem: &LeastSquares<O>) {
+        self.z.axpby([1.0; 3], &self.x, self.norm.map(|norm| -EXPANSION / norm));
+        self.z.clamp(problem.bounds());
+        self.z.axpby([-1.0; 3], &self.x, [1.0; 3]);
+    }
+
+    /// Chooses for every channel what to do, and composes the directions in `p`.
+    fn choose(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<[Kind; 3]> {
+        let gamma = self.free_gradient(problem)?;
+        let beta = ratio(gamma, self.gamma);
+        self.p.axpby([-1.0; 3], &self.z, beta);
+        self.gamma = gamma;
+        // The expansion, and how much of the free gradient it can use: ⟨φ̃, φ⟩.
+        self.projected_step(problem);
+        let used = self.z.dot(&self.phi)?;
+        let expands = self.met_bound.map(|met| met > 0.0);
+        let kept = |replaced: Live| replaced.map(|replaced| if replaced { 0.0 } else { 1.0 });
+        self.p.axpby(expands.map(|yes| f64::from(u8::from(yes))), &self.z, kept(expands));
+        // The chopped gradient β: what is left of the projected gradient at the bounds.
+        self.z.copy_from(&self.g);
+        self.z.hold(&self.x, &self.g, problem.bounds());
+        self.z.axpby([-1.0; 3], &self.phi, [1.0; 3]);
+        self.phi.copy_from(&self.z);
+        problem.shrink(&mut self.z);
+        let chopped = self.phi.dot(&self.z)?;
+        let leaves: Live = std::array::from_fn(|c| {
+            !expands[c] && chopped[c] > -used[c] * self.norm[c] / EXPANSION && chopped[c] > 0.0
+        });
+        self.p.axpby(leaves.map(|yes| -f64::from(u8::from(yes))), &self.z, kept(leaves));
+        self.p.axpby([0.0; 3], &self.z, kept(live.map(|live| !live)));
+        Ok(std::array::from_fn(|c| match (live[c], expands[c], leaves[c]) {
+            (false, _, _) => Kind::Rest,
+            (_, true, _) => Kind::Expansion,
+            (_, _, true) => Kind::Proportioning,
+            _ => Kind::Conjugate,
+        }))
+    }
+}
+
+impl<O: LinearOperator> Method<O> for Mprgp<O> {
+    fn name(&self) -> &'static str {
+        "mprgp"
+    }
+
+    fn keeps_bounds(&self) -> bool {
+        true
+    }
+
+    fn vectors(&self) -> Vectors {
+        Self::VECTORS
+    }
+
+    fn begin(&mut self, problem: &LeastSquares<O>, x: &O::Domain) -> Result<()> {
+        self.x.copy_from(x);
+        self.x.clamp(problem.bounds());
+        problem.residual(&self.x, &mut self.r)?;
+        problem.gradient(&self.r, &mut self.g)?;
+        self.residual = self.r.norm_squared()?;
+        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        (self.gamma, self.met_bound) = ([0.0; 3], [0.0; 3]);
+        self.norm = [1.0; 3];
+        if !problem.is_majorized() {
+            self.norm = problem.curvature_along(&self.g, &mut self.z, &mut self.q)?;
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<()> {
+        let kinds = self.choose(problem, live)?;
+        problem.apply(&self.p, &mut self.q)?;
+        let (slope, curvature) = (self.g.dot(&self.p)?, self.q.norm_squared()?);
+        if let Some(&value) = curvature.iter().find(|value| !value.is_finite()) {
+            return Err(Error::Curvature { value, iteration: 0 });
+        }
+        self.z.copy_from(&self.p);
+        problem.stretch(&mut self.z);
+        let length = self.z.dot(&self.p)?;
+        let room = self.p.largest_step(&self.x, problem.bounds())?;
+        let mut alpha = [0.0; 3];
+        for c in 0..3 {
+            self.norm[c] = self.norm[c].max(ratio(curvature, length)[c]);
+            if kinds[c] == Kind::Rest {
+                continue;
+            }
+            let best = if curvature[c] > 0.0 { -slope[c] / curvature[c] } else { 0.0 };
+            // The fixed step of an expansion is safe once `norm` is; on the way there it is cut at the least objective.
+            let wanted = if kinds[c] == Kind::Expansion { best.min(1.0) } else { best };
+            let meets = wanted > room[c] && kinds[c] != Kind::Expansion;
+            alpha[c] = if meets { room[c] } else { wanted };
+            self.met_bound[c] = f64::from(u8::from(meets));
+            if kinds[c] != Kind::Conjugate || meets {
+                self.gamma[c] = 0.0;
+            }
+        }
+        self.x.axpby(alpha, &self.p, [1.0; 3]);
+        self.x.clamp(problem.bounds());
+        self.r.axpby(alpha.map(|alpha| -alpha), &self.q, [1.0; 3]);
+        problem.gradient(&self.r, &mut self.g)?;
+        self.residual = self.r.norm_squared()?;
+        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        Ok(())
+    }
+
+    fn solution(&self) -> &O::Domain {
+        &self.x
+    }
+
+    fn measure(&self) -> Measure {
+        Measure { residual: self.residual, normal_residual: self.normal_residual }
+    }
+
+    fn residual(&self) -> Option<&O::Range> {
+        Some(&self.r)
+    }
+
+    fn memory(&mut self) -> Memory<'_, O> {
+        Memory {
+            domain: vec![&mut self.x, &mut self.g, &mut self.p],
+            range: vec![&mut self.r],
+            scalars: vec![
+                &mut self.gamma,
+                &mut self.met_bound,
+                &mut self.norm,
+                &mut self.residual,
+                &mut self.normal_residual,
+            ],
+        }
+    }
+}

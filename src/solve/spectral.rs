@@ -1,0 +1,159 @@
+//! SPG: projected gradient steps whose length is that of the last step, seen through the curvature met there.
+//!
+//! Problem       min ½‖A x − b‖², l ≤ x ≤ u, any A.
+//! Equivalences  Without bounds the Barzilai–Borwein method in the metric of D, long and short steps in turn.
+//! Caveats       The objective may rise for some iterations; never above the largest of the last ten.
+//! Convergence   Every limit point is a solution (Birgin, Martínez and Raydan 2000, theorem 2.2).
+//! Source        Birgin, Martínez and Raydan 2000, algorithm SPG2; steps: Barzilai and Borwein 1988, eq. 5 and 6 in turn.
+//!               The objective is quadratic, so the step along the segment is exact instead of searched for.
+
+use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, each, ratio};
+use crate::Result;
+use crate::operator::{LinearOperator, Scalars, Vector};
+
+/// Objectives that the next one may not exceed the largest of.
+const REMEMBERED: usize = 10;
+/// Part of the slope that a step must gain.
+const SUFFICIENT: f64 = 1e-4;
+
+/// Spectral projected gradient.
+#[derive(Debug)]
+pub struct Spectral<O: LinearOperator> {
+    x: O::Domain,
+    g: O::Domain,
+    /// The direction, from x to where the projected gradient step leads.
+    d: O::Domain,
+    /// What the gradient changes by.
+    y: O::Domain,
+    z: O::Domain,
+    r: O::Range,
+    /// A d.
+    q: O::Range,
+    /// Length of the next projected gradient step.
+    alpha: Scalars,
+    /// Whether the step before was a long one.
+    long: bool,
+    /// ‖r‖² of the last iterations, the newest first.
+    objectives: [Scalars; REMEMBERED],
+    residual: Scalars,
+    normal_residual: Scalars,
+}
+
+impl<O: LinearOperator> Spectral<O> {
+    /// The vectors that it keeps.
+    pub const VECTORS: Vectors = Vectors { domain: 5, range: 2 };
+
+    /// The method for problems of this operator's shape.
+    pub fn new(operator: &O) -> Self {
+        Self {
+            x: operator.domain(),
+            g: operator.domain(),
+            d: operator.domain(),
+            y: operator.domain(),
+            z: operator.domain(),
+            r: operator.range(),
+            q: operator.range(),
+            alpha: [1.0; 3],
+            long: false,
+            objectives: [[0.0; 3]; REMEMBERED],
+            residual: [0.0; 3],
+            normal_residual: [0.0; 3],
+        }
+    }
+
+    /// The part of d to go: all of it, or to the least objective along it where all would be too far.
+    fn step_length(&self, slope: Scalars, curvature: Scalars) -> Scalars {
+        each(|c| {
+            let most = self.objectives.iter().map(|objective| objective[c]).fold(0.0, f64::max);
+            let full = self.residual[c] + 2.0 * slope[c] + curvature[c];
+            let best = if curvature[c] > 0.0 { (-slope[c] / curvature[c]).clamp(0.0, 1.0) } else { 1.0 };
+            if full > most + 2.0 * SUFFICIENT * slope[c] { best } else { 1.0 }
+        })
+    }
+}
+
+impl<O: LinearOperator> Method<O> for Spectral<O> {
+    fn name(&self) -> &'static str {
+        "spectral"
+    }
+
+    fn keeps_bounds(&self) -> bool {
+        true
+    }
+
+    fn vectors(&self) -> Vectors {
+        Self::VECTORS
+    }
+
+    fn begin(&mut self, problem: &LeastSquares<O>, x: &O::Domain) -> Result<()> {
+        self.x.copy_from(x);
+        self.x.clamp(problem.bounds());
+        problem.residual(&self.x, &mut self.r)?;
+        problem.gradient(&self.r, &mut self.g)?;
+        self.residual = self.r.norm_squared()?;
+        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        self.objectives = [self.residual; REMEMBERED];
+        self.long = false;
+        self.alpha = [1.0; 3];
+        if !problem.is_majorized() {
+            let curvature = problem.curvature_along(&self.g, &mut self.z, &mut self.q)?;
+            self.alpha = curvature.map(|curvature| 1.0 / curvature);
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<()> {
+        self.d.copy_from(&self.g);
+        problem.shrink(&mut self.d);
+        self.d.axpby([1.0; 3], &self.x, self.alpha.map(|alpha| -alpha));
+        self.d.clamp(problem.bounds());
+        self.d.axpby(chosen(live).map(|live| -live), &self.x, chosen(live));
+        problem.apply(&self.d, &mut self.q)?;
+        let curvature = self.q.norm_squared()?;
+        let step = self.step_length(self.g.dot(&self.d)?, curvature);
+        self.x.axpby(step, &self.d, [1.0; 3]);
+        // Rounding may have led out of the box by a digit.
+        self.x.clamp(problem.bounds());
+        self.r.axpby(step.map(|step| -step), &self.q, [1.0; 3]);
+        self.y.copy_from(&self.g);
+        problem.gradient(&self.r, &mut self.g)?;
+        self.y.axpby([1.0; 3], &self.g, [-1.0; 3]);
+
+        self.long = !self.long;
+        let gained = each(|c| step[c] * curvature[c]);
+        let next = if self.long {
+            self.z.copy_from(&self.d);
+            problem.stretch(&mut self.z);
+            let length = self.z.dot(&self.d)?;
+            ratio(each(|c| step[c] * length[c]), gained)
+        } else {
+            self.z.copy_from(&self.y);
+            problem.shrink(&mut self.z);
+            ratio(each(|c| step[c] * gained[c]), self.z.dot(&self.y)?)
+        };
+        self.alpha = each(|c| if next[c] > 0.0 && next[c].is_finite() { next[c] } else { self.alpha[c] });
+        self.residual = self.r.norm_squared()?;
+        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        self.objectives.rotate_right(1);
+        self.objectives[0] = self.residual;
+        Ok(())
+    }
+
+    fn solution(&self) -> &O::Domain {
+        &self.x
+    }
+
+    fn measure(&self) -> Measure {
+        Measure { residual: self.residual, normal_residual: self.normal_residual }
+    }
+
+    fn residual(&self) -> Option<&O::Range> {
+        Some(&self.r)
+    }
+
+    fn memory(&mut self) -> Memory<'_, O> {
+        let mut scalars = vec![&mut self.alpha, &mut self.residual, &mut self.normal_residual];
+        scalars.extend(&mut self.objectives);
+        Memory { domain: vec![&mut self.x, &mut self.g], range: vec![&mut self.r], scalars }
+    }
+}
