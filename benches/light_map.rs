@@ -119,9 +119,11 @@ fn citadel(criterion: &mut Criterion) {
         b.iter(|| {
             let operator = problem.operator(&scene, u64::MAX).unwrap();
             let coverage = operator.squares(&problem.weights()).unwrap();
-            let each = |_: &_, _: &mut _| Ok(Control::Continue);
             black_box(
-                unscatter::problem::solve(&problem, &operator, &coverage, &scene.solve, None, each).unwrap(),
+                unscatter::problem::solve(&problem, &operator, &coverage, &scene.solve, None, |_, _| {
+                    Ok(Control::Continue)
+                })
+                .unwrap(),
             )
         });
     });

@@ -15,12 +15,12 @@ use unscatter::cpu::{Transport, WalkPlan};
 use unscatter::io::image::write_png;
 use unscatter::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use unscatter::operator::{
-    Blocks, Bounds, CpuVector, Identity, LinearOperator, Stacked, Vector, adjoint_test,
+    Blocks, Bounds, CpuVector, Identity, LinearOperator, Scaling, Stacked, Vector, adjoint_test,
 };
 use unscatter::scene::{
     Basis, Camera, Extent, FovAxis, Grid, Image, LightFrame, Medium, Quadrature, ShadowMap, Strategy, look_at,
 };
-use unscatter::solve::{Beginning, Control, Fista, LeastSquares, Limits, Method, Mprgp, Scaling, drive};
+use unscatter::solve::{Beginning, Control, Fista, LeastSquares, Limits, Method, Mprgp, drive};
 use unscatter::sparse::ExplicitMatrix;
 
 /// Texels along each side of the light map.
@@ -106,7 +106,7 @@ fn main() -> unscatter::Result<()> {
     let regularized = Stacked::new(&operator).over(Identity::scaled(&start, [LAMBDA.sqrt(); 3]))?;
     let rhs = Blocks(vec![picture, start.zeros_like()]);
     let scaling = scaling(&regularized)?;
-    let problem = LeastSquares::new(&regularized, &rhs).bounded(Bounds::NOT_NEGATIVE).scaled(&scaling);
+    let problem = LeastSquares::new(&regularized, &rhs).bounded(Bounds::NOT_NEGATIVE).measured(&scaling);
     let mut method = Fista::new(&regularized);
     let limits = Limits::new(200, 1e-4);
     let outcome = drive(&mut method, &problem, Beginning::At(&start), &limits, |history, _| {
@@ -123,7 +123,8 @@ fn main() -> unscatter::Result<()> {
     let regularized = Stacked::new(&explicit).over(Identity::scaled(&zero, [LAMBDA.sqrt(); 3]))?;
     let rhs = Blocks(vec![y, explicit.domain()]);
     let check_scaling = self::scaling(&regularized)?;
-    let problem = LeastSquares::new(&regularized, &rhs).bounded(Bounds::NOT_NEGATIVE).scaled(&check_scaling);
+    let problem =
+        LeastSquares::new(&regularized, &rhs).bounded(Bounds::NOT_NEGATIVE).measured(&check_scaling);
     let mut check = Mprgp::new(&regularized);
     drive(&mut check, &problem, Beginning::At(&zero), &limits, |_, _| Ok(Control::Continue))?;
     let (found, expected) = (method.solution().to_host()?, check.solution().to_host()?);

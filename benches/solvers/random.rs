@@ -90,7 +90,7 @@ pub(crate) fn table(most: f64) {
         let columns: Vec<u32> = (0..elements as u32).collect();
         let tiling = Tiling::new([8, elements.div_ceil(8)], &columns);
         let weights = vec![1.0; rows];
-        let added = vec![[root * root; 3]; elements];
+        let added = vec![root * root; elements];
         let tiles = TileMetric::new(&operator, &tiling, &weights, &added).unwrap();
         let problem = LeastSquares::new(&stacked, &rhs).bounded(Bounds::NOT_NEGATIVE).measured(&tiles);
         let reference = measure(&problem, &start).unwrap();

@@ -49,6 +49,10 @@ impl Keeper {
         let wrong = || Error::Checkpoint { path: self.path.clone(), reason: "it is incomplete".to_owned() };
         let checkpoint = Checkpoint::read(&self.path, self.fingerprint)?;
         let [start, entries, scalars, vectors @ ..] = &checkpoint.blocks[..] else { return Err(wrong()) };
+        if !vectors.iter().flatten().all(|number| number.is_finite()) {
+            let reason = "it holds something that is not a number".to_owned();
+            return Err(Error::Checkpoint { path: self.path.clone(), reason });
+        }
         let ([r, s, counts, settled, residual, [least_true, least, _]], []) = start.as_chunks::<3>() else {
             return Err(wrong());
         };

@@ -86,8 +86,11 @@ struct Tile<F, const C: usize> {
 struct Runs<F, const C: usize> {
     /// Tile, factor, and where the run ends in `entries`.
     runs: Vec<(u32, [f64; C], usize)>,
-    entries: Vec<(u8, Weight<F, C>)>,
+    entries: Entries<F, C>,
 }
+
+/// Places inside a tile, and what a row weighs there.
+type Entries<F, const C: usize> = Vec<(u8, Weight<F, C>)>;
 
 impl<F: Real, const C: usize> TileMetric<F, C> {
     /// Σ_k w_k (|a_k| / |a_kB|) a_kB a_kBᵀ of every tile, with `added` on its diagonal, unknown by unknown.
@@ -95,7 +98,7 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
     /// Cost: one visit of all rows, and the square of its length inside a tile for every run.
     ///
     /// Errors: [`Error::Shape`] when there is not one weight a row, or not one addition an unknown.
-    pub fn new(rows: &impl Rows<F, C>, tiling: &Tiling, weights: &[f64], added: &[[f64; 3]]) -> Result<Self> {
+    pub fn new(rows: &impl Rows<F, C>, tiling: &Tiling, weights: &[f64], added: &[f64]) -> Result<Self> {
         let unknowns = tiling.members.iter().map(Vec::len).sum();
         if weights.len() != rows.rows() {
             return Err(Error::Shape { what: "the weights", expected: rows.rows(), got: weights.len() });
@@ -131,7 +134,7 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
     /// Lets every tile compute on its part of v, and of y where there is one.
     fn each(&self, v: &mut CpuVector<F>, work: impl Fn(&Tile<F, C>, &mut [Padded<F>], &[u32]) + Sync) {
         let mut packed: Vec<Padded<F>> =
-            self.order.iter().map(|&unknown| padded(v.0[unknown as usize])).collect();
+            self.order.par_iter().map(|&unknown| padded(v.0[unknown as usize])).collect();
         let mut parts = Vec::with_capacity(self.tiles.len());
         let (mut rest, mut order) = (&mut packed[..], &self.order[..]);
         for tile in &self.tiles {
@@ -152,8 +155,8 @@ impl<F: Real, const C: usize> Runs<F, C> {
     /// The runs of some rows.
     fn sorted(rows: &impl Rows<F, C>, tiling: &Tiling, weights: &[f64], of: &[usize]) -> Self {
         let mut found = Self { runs: Vec::new(), entries: Vec::new() };
-        let mut open: Vec<(u32, [f64; C], Vec<(u8, Weight<F, C>)>)> = Vec::new();
-        let mut spare: Vec<Vec<(u8, Weight<F, C>)>> = Vec::new();
+        let mut open: Vec<(u32, [f64; C], Entries<F, C>)> = Vec::new();
+        let mut spare: Vec<Entries<F, C>> = Vec::new();
         for &row in of {
             let mut whole = [0.0; C];
             rows.visit(row, &mut |element, weight| {
@@ -208,11 +211,11 @@ impl<F: Real, const C: usize> Runs<F, C> {
 }
 
 impl<F: Real, const C: usize> Tile<F, C> {
-    fn new(mut matrix: Vec<[F; C]>, members: &[u32], added: &[[f64; 3]]) -> Self {
+    fn new(mut matrix: Vec<[F; C]>, members: &[u32], added: &[f64]) -> Self {
         let side = members.len();
         for (k, &unknown) in members.iter().enumerate() {
             for c in 0..C {
-                matrix[k * side + k][c] += F::of(added[unknown as usize][c]);
+                matrix[k * side + k][c] += F::of(added[unknown as usize]);
             }
         }
         let reciprocals = |x: [F; C]| x.map(|x| if x > F::zero() { x.recip() } else { F::zero() });

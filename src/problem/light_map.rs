@@ -178,7 +178,7 @@ impl LightMapOperator {
         &self,
         tiling: &Tiling,
         weights: &[f64],
-        added: &[[f64; 3]],
+        added: &[f64],
     ) -> Result<Box<dyn Metric<CpuVector>>> {
         Ok(match self {
             Self::Grey(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),

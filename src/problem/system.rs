@@ -264,7 +264,8 @@ impl<'a> System<'a> {
                 ones
             }
         };
-        let mut diagonal = diagonal;
+        let mut diagonal: CpuVector = diagonal;
+        let added: Vec<[f64; 3]> = added.into_iter().map(|added| [added; 3]).collect();
         diagonal.axpby([1.0; 3], &CpuVector::of(&added), [1.0; 3]);
         Ok(Some(Box::new(Scaling::new(diagonal, name == MetricName::Sqs))))
     }
@@ -280,7 +281,7 @@ struct Regularizers {
 
 impl Regularizers {
     /// Σ λ |R|ᵀ |R| 1, which majorizes them; for Jacobi the diagonal of Σ λ Rᵀ R.
-    fn diagonal(&self, weights: Weights, metric: MetricName) -> Vec<[f64; 3]> {
+    fn diagonal(&self, weights: Weights, metric: MetricName) -> Vec<f64> {
         let (of_gradient, of_laplacian) = match metric {
             MetricName::Jacobi => {
                 let degrees: Vec<f64> = self.neighbours.degrees().into_iter().map(f64::from).collect();
@@ -290,7 +291,7 @@ impl Regularizers {
             _ => (self.neighbours.gradient_majorizer(), self.neighbours.laplacian_majorizer()),
         };
         let sum = |(gradient, laplacian): (f64, f64)| {
-            [weights.tikhonov + weights.gradient * gradient + weights.laplacian * laplacian; 3]
+            weights.tikhonov + weights.gradient * gradient + weights.laplacian * laplacian
         };
         of_gradient.into_iter().zip(of_laplacian).map(sum).collect()
     }

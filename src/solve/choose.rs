@@ -4,7 +4,8 @@
 //! Method   A few steps of bidiagonalization, kept orthogonal, project the problem onto a Krylov space; there it is
 //!          so small that it is solved for many λ. The bounds play no part.
 //! Caveats  Both rules think of b as exact data with noise: strokes that contradict each other are not noise, and
-//!          may lead to a λ that is smaller than one would like.
+//!          may lead to a λ that is smaller than one would like. The L-curve's corner smooths too little where the truth is
+//!          very smooth (Hanke 1996); GCV seldom does.
 //! Source   GCV: Golub, Heath and Wahba 1979; L-curve: Hansen 1992; projection: Chung and Gazzola 2024, sec. 3.
 
 use nalgebra::{DMatrix, DVector};
@@ -33,6 +34,8 @@ pub struct Term<'a, V> {
 
 /// Steps of bidiagonalization: two applications each.
 const STEPS: usize = 30;
+/// Length of a step along the L-curve, in its logarithms, below which it has no direction.
+const STANDS_STILL: f64 = 1e-3;
 /// Weights that are tried, evenly in the logarithm over so many decades below ‖A‖².
 const TRIED: usize = 121;
 const DECADES: f64 = 12.0;
@@ -192,7 +195,8 @@ fn curvatures(points: &[(f64, Point)]) -> Vec<f64> {
             let length = first[0].hypot(first[1]);
             // Towards smaller λ: the residual falls, then the roughness rises.
             let turn = first[1] * second[0] - first[0] * second[1];
-            if length > 0.0 { -turn / length.powi(3) } else { f64::NEG_INFINITY }
+            // Where the curve stands still, its direction is rounding.
+            if length > STANDS_STILL { turn / length.powi(3) } else { f64::NEG_INFINITY }
         })
         .collect()
 }

@@ -106,8 +106,8 @@ impl<O: LinearOperator> Method<O> for Fista<O> {
     fn step(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<()> {
         let t = self.t.map(|t| (1.0 + (1.0 + 4.0 * t * t).sqrt()) / 2.0);
         let ahead = each(|c| if self.t[c] > 1.0 { (self.t[c] - 1.0) / t[c] } else { 0.0 });
-        self.x_before.axpby(ahead.map(|m| 1.0 + m), &self.x, ahead.map(|m| -m));
-        self.g_before.axpby(ahead.map(|m| 1.0 + m), &self.g, ahead.map(|m| -m));
+        go_ahead(&mut self.x_before, &self.x, ahead);
+        go_ahead(&mut self.g_before, &self.g, ahead);
         self.project(problem, live)?;
 
         // d = y − x₊ takes the place of y, D d that of the gradient at y.
@@ -162,4 +162,10 @@ impl<O: LinearOperator> Method<O> for Fista<O> {
             scalars: vec![&mut self.norm, &mut self.t, &mut self.residual, &mut self.normal_residual],
         }
     }
+}
+
+/// before ← now + m (now − before), so that what has not moved does not move by rounding either.
+fn go_ahead<V: Vector>(before: &mut V, now: &V, m: Scalars) {
+    before.axpby([1.0; 3], now, [-1.0; 3]);
+    before.axpby([1.0; 3], now, m);
 }

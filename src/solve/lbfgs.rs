@@ -101,8 +101,7 @@ impl<O: LinearOperator> Lbfgs<O> {
         self.d.clamp(problem.bounds());
         self.d.axpby([-1.0; 3], &self.x, [1.0; 3]);
         let slope = self.g.dot(&self.d)?;
-        // Not `slope >= 0`: a NaN must not pass.
-        let fails: Live = std::array::from_fn(|c| !(slope[c] < 0.0));
+        let fails = slope.map(|slope| slope >= 0.0 || slope.is_nan());
         if fails.contains(&true) {
             self.z.copy_from(&self.g);
             problem.shrink(&mut self.z);

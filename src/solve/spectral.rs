@@ -1,10 +1,12 @@
 //! SPG: projected gradient steps whose length is that of the last step, seen through the curvature met there.
 //!
 //! Problem       min ½‖A x − b‖², l ≤ x ≤ u, any A.
-//! Equivalences  Without bounds the Barzilai–Borwein method in the metric of D, long and short steps in turn.
-//! Caveats       The objective may rise for some iterations; never above the largest of the last ten.
+//! Equivalences  Without bounds the adaptive Barzilai–Borwein method in the metric of D.
+//! Caveats       The objective may rise for some iterations; never above the largest of the last ten. Slow where A is
+//!               ill-conditioned and many elements are at their bounds.
 //! Convergence   Every limit point is a solution (Birgin, Martínez and Raydan 2000, theorem 2.2).
-//! Source        Birgin, Martínez and Raydan 2000, algorithm SPG2; steps: Barzilai and Borwein 1988, eq. 5 and 6 in turn.
+//! Source        Birgin, Martínez and Raydan 2000, algorithm SPG2; steps: Barzilai and Borwein 1988, eq. 5 and 6, chosen as
+//!               by Zhou, Gao and Dai 2006.
 //!               The objective is quadratic, so the step along the segment is exact instead of searched for.
 
 use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, each, ratio};
@@ -13,6 +15,8 @@ use crate::operator::{LinearOperator, Scalars, Vector};
 
 /// Objectives that the next one may not exceed the largest of.
 const REMEMBERED: usize = 10;
+/// The short step is taken where it is below this part of the long one.
+const ADAPTIVE: f64 = 0.5;
 /// Part of the slope that a step must gain.
 const SUFFICIENT: f64 = 1e-4;
 
@@ -31,8 +35,6 @@ pub struct Spectral<O: LinearOperator> {
     q: O::Range,
     /// Length of the next projected gradient step.
     alpha: Scalars,
-    /// Whether the step before was a long one.
-    long: bool,
     /// ‖r‖² of the last iterations, the newest first.
     objectives: [Scalars; REMEMBERED],
     residual: Scalars,
@@ -54,7 +56,6 @@ impl<O: LinearOperator> Spectral<O> {
             r: operator.range(),
             q: operator.range(),
             alpha: [1.0; 3],
-            long: false,
             objectives: [[0.0; 3]; REMEMBERED],
             residual: [0.0; 3],
             normal_residual: [0.0; 3],
@@ -93,7 +94,6 @@ impl<O: LinearOperator> Method<O> for Spectral<O> {
         self.residual = self.r.norm_squared()?;
         self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
         self.objectives = [self.residual; REMEMBERED];
-        self.long = false;
         self.alpha = [1.0; 3];
         if !problem.is_majorized() {
             let curvature = problem.curvature_along(&self.g, &mut self.z, &mut self.q)?;
@@ -119,18 +119,15 @@ impl<O: LinearOperator> Method<O> for Spectral<O> {
         problem.gradient(&self.r, &mut self.g)?;
         self.y.axpby([1.0; 3], &self.g, [-1.0; 3]);
 
-        self.long = !self.long;
         let gained = each(|c| step[c] * curvature[c]);
-        let next = if self.long {
-            self.z.copy_from(&self.d);
-            problem.stretch(&mut self.z);
-            let length = self.z.dot(&self.d)?;
-            ratio(each(|c| step[c] * length[c]), gained)
-        } else {
-            self.z.copy_from(&self.y);
-            problem.shrink(&mut self.z);
-            ratio(each(|c| step[c] * gained[c]), self.z.dot(&self.y)?)
-        };
+        self.z.copy_from(&self.d);
+        problem.stretch(&mut self.z);
+        let length = self.z.dot(&self.d)?;
+        let long = ratio(each(|c| step[c] * length[c]), gained);
+        self.z.copy_from(&self.y);
+        problem.shrink(&mut self.z);
+        let short = ratio(each(|c| step[c] * gained[c]), self.z.dot(&self.y)?);
+        let next = each(|c| if short[c] < ADAPTIVE * long[c] { short[c] } else { long[c] });
         self.alpha = each(|c| if next[c] > 0.0 && next[c].is_finite() { next[c] } else { self.alpha[c] });
         self.residual = self.r.norm_squared()?;
         self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;

@@ -30,6 +30,14 @@ impl Channels {
         }
     }
 
+    /// One number where the three are the same.
+    pub(super) fn simplest(self) -> Self {
+        match self.wide() {
+            [r, g, b] if r == g && g == b => Self::Grey(r),
+            rgb => Self::Rgb(rgb),
+        }
+    }
+
     /// The three channels as radiance or reflectance; a flaw when one is below 0, above `limit` or beyond f32.
     pub(super) fn rgb(self, path: &str, limit: f32) -> Built<Rgb> {
         let rgb = self.wide().map(|value| value as f32);

@@ -29,9 +29,10 @@ pub struct Solve {
     /// Stop when the painted pixels are met to this part of what is painted, root mean square; above 0, below 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<f64>,
-    /// Least radiance of a texel: one number or [r, g, b]; null for no bound.
-    pub lower: Option<Channels>,
-    /// Largest radiance of a texel: one number or [r, g, b]; null for no bound.
+    /// Least radiance of a texel: one number or [r, g, b].
+    pub lower: Channels,
+    /// Largest radiance of a texel: one number or [r, g, b]; no bound when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub upper: Option<Channels>,
     /// Pull towards the start; 0 for none.
     pub tikhonov: Weight,
@@ -127,8 +128,8 @@ impl Default for Solve {
             tolerance: settings.tolerance,
             seconds: settings.time_limit.map(|limit| limit.as_secs_f64()),
             noise: settings.noise,
-            lower: bound(settings.bounds[0]),
-            upper: bound(settings.bounds[1]),
+            lower: Channels::Rgb(settings.bounds[0]).simplest(),
+            upper: None,
             tikhonov: settings.regularization.tikhonov.into(),
             gradient: settings.regularization.gradient.into(),
             laplacian: settings.regularization.laplacian.into(),
@@ -191,20 +192,20 @@ impl Solve {
 
 impl Solve {
     fn bounds(&self) -> Built<[[f64; 3]; 2]> {
-        let channels = |bound: Option<Channels>, none: f64| bound.map_or([none; 3], Channels::wide);
-        let (lower, upper) = (channels(self.lower, f64::NEG_INFINITY), channels(self.upper, f64::INFINITY));
         // f32 is what texels are.
-        let fits =
-            |bounds: [f64; 3]| bounds.iter().all(|b| b.is_infinite() || b.abs() <= f64::from(f32::MAX));
-        for (name, bound, values) in [("lower", self.lower, lower), ("upper", self.upper, upper)] {
-            if let Some(bound) = bound.filter(|_| !fits(values)) {
+        let fits = |bound: Channels| bound.wide().iter().all(|bound| bound.abs() <= f64::from(f32::MAX));
+        for (name, bound) in [("lower", Some(self.lower)), ("upper", self.upper)] {
+            if let Some(bound) = bound.filter(|bound| !fits(*bound)) {
                 return Err(Flaw::value(name, bound, "a number that a texel can hold"));
             }
         }
-        if let Some(upper) = self.upper.filter(|_| (0..3).any(|c| lower[c] > upper[c])) {
-            return Err(Flaw::value("upper", upper, "not below `lower` in any channel"));
+        let lower = self.lower.wide();
+        let Some(bound) = self.upper else { return Ok([lower, [f64::INFINITY; 3]]) };
+        let upper = bound.wide();
+        if (0..3).any(|c| lower[c] > upper[c]) {
+            return Err(Flaw::value("upper", bound, "not below `lower` in any channel"));
         }
-        if self.upper.is_some() && !SolverName::from(self.solver).keeps_bounds() {
+        if !SolverName::from(self.solver).keeps_bounds() {
             return Err(Flaw::new(
                 "upper",
                 "this solver keeps no bounds; choose another or leave `upper` away",
@@ -212,15 +213,6 @@ impl Solve {
         }
         Ok([lower, upper])
     }
-}
-
-/// A bound as a person writes it.
-fn bound(values: [f64; 3]) -> Option<Channels> {
-    let equal = values[0] == values[1] && values[1] == values[2];
-    values
-        .iter()
-        .all(|value| value.is_finite())
-        .then(|| if equal { Channels::Grey(values[0]) } else { Channels::Rgb(values) })
 }
 
 fn time_limit(seconds: f64) -> Built<Duration> {
@@ -285,17 +277,17 @@ mod tests {
     #[test]
     fn every_field_reaches_the_settings() {
         let text = r#"{"solver": "clamped-cgls", "iterations": 7, "tolerance": 0.5, "seconds": 1.5, "tikhonov": 2,
-            "gradient": "gcv", "laplacian": 0.5, "noise": 0.1, "lower": null, "upper": [1, 2, 3], "metric": "jacobi",
+            "gradient": "gcv", "laplacian": 0.5, "noise": 0.1, "lower": -1.5, "upper": [1, 2, 3], "metric": "jacobi",
              "fill": true, "quadrature": {"march": {"steps": 9}}, "strategy": "matrix-free", "memory": "3KiB",
             "transmittance_bound": 0.25}"#;
         let solve: Solve = serde_json::from_str(text).unwrap();
         let expected = SolveSettings {
-            solver: scene::SolverName::ClampedCgls,
+            solver: SolverName::ClampedCgls,
             iterations: 7,
             tolerance: 0.5,
             time_limit: Some(Duration::from_millis(1500)),
             noise: Some(0.1),
-            bounds: [[f64::NEG_INFINITY; 3], [1.0, 2.0, 3.0]],
+            bounds: [[-1.5; 3], [1.0, 2.0, 3.0]],
             metric: scene::MetricName::Jacobi,
             fill: true,
             regularization: Regularization {

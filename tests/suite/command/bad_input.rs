@@ -380,6 +380,6 @@ fn sizes_beyond_the_memory_are_refused_at_once() {
         }
     }
     refused(&desk, &["--memory", "1MiB"]).tells("1 MiB are allowed");
-    let tight = ["--set", "solve.strategy=assembled", "--memory", "66MiB", "--set", "light_map.size=64"];
+    let tight = ["--set", "solve.strategy=assembled", "--memory", "68MiB", "--set", "light_map.size=64"];
     refused(&desk, &[&tight[..], &["--set", "views[0].strokes[0].radius=90"]].concat()).tells("matrix-free");
 }

@@ -106,7 +106,17 @@ fn the_report_has_the_fields_of_the_contract() {
     assert_eq!(history[0]["residual"], json!([1.0, 1.0, 1.0]));
     assert_eq!(at("/stop"), &json!({ "reason": "iterations", "iteration": 12 }));
     assert!(number("/adjoint_error") < 1e-6);
-    assert!(number("/weighted_residual/after") < 0.2 * number("/weighted_residual/before"));
+    assert!(number("/weighted_residual/after") < 0.4 * number("/weighted_residual/before"));
+    assert_eq!(at("/certificate/kind"), "projected-gradient");
+    for c in 0..3 {
+        let certificate = number(&format!("/certificate/value/{c}"));
+        let believed = number(&format!("/history/12/normal_residual/{c}"));
+        assert!(
+            (certificate / believed - 1.0).abs() < 0.05,
+            "{certificate} is the truth, {believed} was believed"
+        );
+    }
+    assert!(number("/certificate/at_bounds") > 0.0 && number("/certificate/at_bounds") < 1024.0);
     assert_eq!(number("/coverage/reached") + number("/coverage/unreached"), 1024.0);
     for pointer in ["/timings", "/memory", "/skipped"] {
         assert!(!at(pointer).as_object().unwrap().is_empty(), "{pointer} is empty");
@@ -308,14 +318,12 @@ fn a_medium_with_equal_channels_is_the_grey_medium() {
 #[test]
 fn channels_of_a_medium_are_channels_of_the_light() {
     let desk = Desk::new();
-    let [thin, thick] = ["0.08", "0.2"].map(|sigma| {
-        solved(&desk, "out", &["--set", &format!("medium.sigma_t={sigma}"), "--set", EXTENT, "--set", SHADOW])
-    });
-    let both = solved(
-        &desk,
-        "out",
-        &["--set", "medium.sigma_t=[0.08, 0.2, 0.08]", "--set", EXTENT, "--set", SHADOW],
-    );
+    let with_sigma = |sigma: &str| {
+        let sigma = format!("medium.sigma_t={sigma}");
+        let plain = ["--solver", "cgls", "--iterations", "12", "--set", "solve.metric=none"];
+        solved(&desk, "out", &[&plain[..], &["--set", &sigma, "--set", EXTENT, "--set", SHADOW]].concat())
+    };
+    let [thin, thick, both] = ["0.08", "0.2", "[0.08, 0.2, 0.08]"].map(with_sigma);
     // The pull to the start is a share of the mean of all channels, so that is not the same to the last digit.
     let channel =
         |pixels: &[[f32; 3]], c: usize| pixels.iter().map(|pixel| [pixel[c]; 3]).collect::<Vec<_>>();
@@ -333,7 +341,7 @@ fn every_basis_and_quadrature_solves() {
     let settings = |set: &str| {
         let report = desk.done(&with(&["--json", "--set", set])).json();
         let change = &report["weighted_residual"];
-        assert!(change["after"].as_f64().unwrap() < 0.2 * change["before"].as_f64().unwrap(), "{set}");
+        assert!(change["after"].as_f64().unwrap() < 0.4 * change["before"].as_f64().unwrap(), "{set}");
         report["settings"].clone()
     };
     assert_eq!(settings("light_map.basis=nearest")["basis"], "nearest");
@@ -356,7 +364,9 @@ fn painted_layers_are_constraints_like_strokes() {
     });
     let report = desk.done(&with(&["--json"])).json();
     assert_eq!(report["match"][1]["painted_pixels"], 200);
-    assert!(report["match"][1]["weighted_residual"]["after"].as_f64().unwrap() < 0.2);
+    // A little less than what the other view's strokes leave of it.
+    let residual = &report["match"][1]["weighted_residual"];
+    assert!(residual["after"].as_f64().unwrap() < 0.5 * residual["before"].as_f64().unwrap());
 }
 
 #[test]

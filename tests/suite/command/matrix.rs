@@ -158,7 +158,21 @@ fn the_rows_are_the_painted_pixels_in_order_and_the_columns_all_texels() {
 fn the_light_map_solves_the_exported_problem() {
     let desk = Desk::new();
     let Exported { matrix, b, x0, rows } = exported(&desk);
-    let report = desk.done(&["light-map", "scene.json", "-o", "out", "--json", "--iterations", "200"]).json();
+    let report = desk
+        .done(&[
+            "light-map",
+            "scene.json",
+            "-o",
+            "out",
+            "--json",
+            "--solver",
+            "cgls",
+            "--tolerance",
+            "1e-4",
+            "--iterations",
+            "3000",
+        ])
+        .json();
     assert_eq!(report["problem"]["nonzeros"], matrix.data.len());
     let x: Vec<[f64; 3]> =
         exr(&desk.path("out/light_map.exr")).1.iter().map(|texel| texel.map(f64::from)).collect();

@@ -7,6 +7,7 @@ mod matrix;
 mod nothing_lost;
 mod other_commands;
 mod pictures;
+mod solving;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -31,6 +31,12 @@ impl Dense {
         Self { matrix, domains: Cell::new(0), ranges: Cell::new(0) }
     }
 
+    /// Forgets the vectors that were asked for.
+    pub fn count_anew(&self) {
+        self.domains.set(0);
+        self.ranges.set(0);
+    }
+
     /// |A|ᵀ |A| 1, which majorizes Aᵀ A.
     pub fn scaling(&self) -> Scaling<CpuVector<f64>> {
         let absolute = self.matrix.abs();
