@@ -41,10 +41,10 @@ fn every_solver_by_its_name_ends_where_the_others_do() {
         ("lsqr", false),
         ("lsmr", false),
     ] {
-        let well_posed = ["--set", "solve.tikhonov=0.05", "--tolerance", "1e-4"];
+        let well_posed = ["--set", "solve.tikhonov=0.05", "--tolerance", "1e-5", "--iterations", "8000"];
         let (report, light_map) = solved(&desk, &[&["--solver", solver][..], &well_posed].concat());
         assert_eq!((&report["solver"], &report["stop"]["reason"]), (&solver.into(), &"tolerance".into()));
-        assert!(worst(&report) < 1.5e-4, "{solver}: {}", report["certificate"]);
+        assert!(worst(&report) < 1.5e-5, "{solver}: {}", report["certificate"]);
         let kind = if keeps_bounds { "projected-gradient" } else { "normal-residual" };
         assert_eq!(report["certificate"]["kind"], kind);
         let negative = light_map.iter().flatten().any(|&value| value < 0.0);
@@ -54,7 +54,7 @@ fn every_solver_by_its_name_ends_where_the_others_do() {
     let same = |kept: bool| {
         let found: Vec<f64> =
             objectives.iter().filter(|(keeps, _)| *keeps == kept).map(|(_, r)| *r).collect();
-        found.iter().all(|r| (r / found[0] - 1.0).abs() < 2e-3)
+        found.iter().all(|r| (r / found[0] - 1.0).abs() < 1e-2)
     };
     assert!(same(true) && same(false), "{objectives:?}");
     for solver in ["flexible-cgls", "clamped-cgls"] {
