@@ -104,10 +104,13 @@ pub(super) fn convergence(report: &Report) -> Result<String> {
         "<section>\n<h2>Convergence</h2>\n<div class=\"charts\">\n{charts}</div>\n<p>The residual is how far the \
          picture is from the paint; it levels off where strokes ask for what no light map can do. The \
          normal residual is how much there is left to gain; it falls to zero at the best light map. \
-         {} of the transport in {}, and {} before them.</p>\n<p>{}</p>\n</section>\n",
+         {} of the transport in {}{}.</p>\n<p>{}</p>\n</section>\n",
         counted(applications, "application"),
         counted(report.stop.iteration, "iteration"),
-        count(report.set_up_applications),
+        match report.set_up_applications {
+            0 => String::new(),
+            before => format!(", and {} before them", count(before)),
+        },
         certificate(report),
     ))
 }

@@ -104,9 +104,7 @@ impl<O: LinearOperator> Lbfgs<O> {
         let fails = slope.map(|slope| slope >= 0.0 || slope.is_nan());
         if fails.contains(&true) {
             self.z.copy_from(&self.g);
-            problem.shrink(&mut self.z);
-            self.z.axpby([1.0; 3], &self.x, self.alpha.map(|alpha| -alpha));
-            self.z.clamp(problem.bounds());
+            problem.descend(&mut self.z, &self.x, self.alpha.map(|alpha| 1.0 / alpha));
             self.z.axpby([-1.0; 3], &self.x, [1.0; 3]);
             self.d.axpby(chosen(fails), &self.z, chosen(fails.map(|fails| !fails)));
             for known in &mut self.known {

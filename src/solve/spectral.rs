@@ -1,12 +1,11 @@
 //! SPG: projected gradient steps whose length is that of the last step, seen through the curvature met there.
 //!
 //! Problem       min ½‖A x − b‖², l ≤ x ≤ u, any A.
-//! Equivalences  Without bounds the adaptive Barzilai–Borwein method in the metric of D.
+//! Equivalences  Without bounds the Barzilai–Borwein method in the metric of D, long and short steps in turn.
 //! Caveats       The objective may rise for some iterations; never above the largest of the last ten. Slow where A is
 //!               ill-conditioned and many elements are at their bounds.
 //! Convergence   Every limit point is a solution (Birgin, Martínez and Raydan 2000, theorem 2.2).
-//! Source        Birgin, Martínez and Raydan 2000, algorithm SPG2; steps: Barzilai and Borwein 1988, eq. 5 and 6, chosen as
-//!               by Zhou, Gao and Dai 2006.
+//! Source        Birgin, Martínez and Raydan 2000, algorithm SPG2; steps: Barzilai and Borwein 1988, eq. 5 and 6 in turn.
 //!               The objective is quadratic, so the step along the segment is exact instead of searched for.
 
 use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, each, ratio};
@@ -15,8 +14,6 @@ use crate::operator::{LinearOperator, Scalars, Vector};
 
 /// Objectives that the next one may not exceed the largest of.
 const REMEMBERED: usize = 10;
-/// The short step is taken where it is below this part of the long one.
-const ADAPTIVE: f64 = 0.5;
 /// Part of the slope that a step must gain.
 const SUFFICIENT: f64 = 1e-4;
 
@@ -35,6 +32,8 @@ pub struct Spectral<O: LinearOperator> {
     q: O::Range,
     /// Length of the next projected gradient step.
     alpha: Scalars,
+    /// 1 where the step before was a long one, else −1.
+    long: Scalars,
     /// ‖r‖² of the last iterations, the newest first.
     objectives: [Scalars; REMEMBERED],
     residual: Scalars,
@@ -56,6 +55,7 @@ impl<O: LinearOperator> Spectral<O> {
             r: operator.range(),
             q: operator.range(),
             alpha: [1.0; 3],
+            long: [-1.0; 3],
             objectives: [[0.0; 3]; REMEMBERED],
             residual: [0.0; 3],
             normal_residual: [0.0; 3],
@@ -94,6 +94,7 @@ impl<O: LinearOperator> Method<O> for Spectral<O> {
         self.residual = self.r.norm_squared()?;
         self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
         self.objectives = [self.residual; REMEMBERED];
+        self.long = [-1.0; 3];
         self.alpha = [1.0; 3];
         if !problem.is_majorized() {
             let curvature = problem.curvature_along(&self.g, &mut self.z, &mut self.q)?;
@@ -120,14 +121,17 @@ impl<O: LinearOperator> Method<O> for Spectral<O> {
         self.y.axpby([1.0; 3], &self.g, [-1.0; 3]);
 
         let gained = each(|c| step[c] * curvature[c]);
-        self.z.copy_from(&self.d);
-        problem.stretch(&mut self.z);
-        let length = self.z.dot(&self.d)?;
-        let long = ratio(each(|c| step[c] * length[c]), gained);
-        self.z.copy_from(&self.y);
-        problem.shrink(&mut self.z);
-        let short = ratio(each(|c| step[c] * gained[c]), self.z.dot(&self.y)?);
-        let next = each(|c| if short[c] < ADAPTIVE * long[c] { short[c] } else { long[c] });
+        self.long = self.long.map(|long| -long);
+        let next = if self.long[0] > 0.0 {
+            self.z.copy_from(&self.d);
+            problem.stretch(&mut self.z);
+            let length = self.z.dot(&self.d)?;
+            ratio(each(|c| step[c] * length[c]), gained)
+        } else {
+            self.z.copy_from(&self.y);
+            problem.shrink(&mut self.z);
+            ratio(each(|c| step[c] * gained[c]), self.z.dot(&self.y)?)
+        };
         self.alpha = each(|c| if next[c] > 0.0 && next[c].is_finite() { next[c] } else { self.alpha[c] });
         self.residual = self.r.norm_squared()?;
         self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
@@ -149,7 +153,8 @@ impl<O: LinearOperator> Method<O> for Spectral<O> {
     }
 
     fn memory(&mut self) -> Memory<'_, O> {
-        let mut scalars = vec![&mut self.alpha, &mut self.residual, &mut self.normal_residual];
+        let mut scalars =
+            vec![&mut self.alpha, &mut self.long, &mut self.residual, &mut self.normal_residual];
         scalars.extend(&mut self.objectives);
         Memory { domain: vec![&mut self.x, &mut self.g], range: vec![&mut self.r], scalars }
     }
