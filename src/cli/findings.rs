@@ -102,7 +102,7 @@ impl Findings<'_> {
                 format!("{:.1} % of the painted pixels' light", 100.0 * self.problem.share_from_outside()),
             ),
             ("bounds", bounds(solve)),
-            ("metric", format!("{:?}", solve.metric).to_lowercase()),
+            ("metric", format!("{:?}", solve.metric_in_use()).to_lowercase()),
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .into()

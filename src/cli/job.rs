@@ -61,8 +61,7 @@ pub(super) fn settle_metric(scene: &mut Scene, problem: &LightMapProblem) {
 /// Bytes that the metric takes at most.
 fn metric_bytes(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let texels = problem.maps.light_map.len();
-    match scene.solve.metric {
-        MetricName::Tiles if !scene.solve.solver.uses_tiles() => 0,
+    match scene.solve.metric_in_use() {
         MetricName::Tiles if problem.is_grey() => Tiling::bytes::<f32, 1>(texels),
         MetricName::Tiles => Tiling::bytes::<f32, 3>(texels),
         _ => 0,

@@ -188,9 +188,10 @@ fn summary(report: &Report, folder: &Folder) -> String {
         ));
     }
     lines.push(format!(
-        "residual {:.3} → {:.3}, {} iterations ({}), {:.2} s in all",
+        "residual {:.3} → {:.3}, gradient at {:.1e} of its start after {} iterations ({}), {:.2} s in all",
         report.weighted_residual.before,
         report.weighted_residual.after,
+        report.certificate.value.iter().copied().fold(0.0, f64::max),
         report.stop.iteration,
         report.stop.reason,
         report.timings.get("total").copied().unwrap_or_default()

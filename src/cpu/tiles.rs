@@ -131,7 +131,7 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
         self.tiles.iter().map(|tile| size_of_val(&tile.matrix[..]) as u64).sum()
     }
 
-    /// Lets every tile compute on its part of v, and of y where there is one.
+    /// Lets every tile compute on its part of v, given which unknowns that are.
     fn each(&self, v: &mut CpuVector<F>, work: impl Fn(&Tile<F, C>, &mut [Padded<F>], &[u32]) + Sync) {
         let mut packed: Vec<Padded<F>> =
             self.order.par_iter().map(|&unknown| padded(v.0[unknown as usize])).collect();

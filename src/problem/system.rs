@@ -235,10 +235,7 @@ impl<'a> System<'a> {
         settings: &SolveSettings,
         regularizers: &Regularizers,
     ) -> Result<Option<Box<dyn Metric<CpuVector>>>> {
-        let name = match settings.metric {
-            MetricName::Tiles if !settings.solver.uses_tiles() => MetricName::Sqs,
-            name => name,
-        };
+        let name = settings.metric_in_use();
         let square = self.norm.powi(2);
         let added = regularizers.diagonal(self.weights, name);
         let diagonal = match name {

@@ -110,11 +110,6 @@ impl SolverName {
         }
     }
 
-    /// Whether it can use a metric that is not diagonal.
-    pub fn uses_tiles(self) -> bool {
-        matches!(self, Self::Fista | Self::Cgls)
-    }
-
     /// Whether it keeps bounds.
     pub fn keeps_bounds(self) -> bool {
         !matches!(self, Self::Cgls | Self::Lsqr | Self::Lsmr)
@@ -183,7 +178,7 @@ pub struct SolveSettings {
     pub noise: Option<f64>,
     /// The least and the largest value a channel; infinite where there is no bound.
     pub bounds: [[f64; 3]; 2],
-    /// What steps are measured with.
+    /// What steps are measured with, where the method can use it.
     pub metric: MetricName,
     /// Whether elements that no row reaches are filled by diffusion from their neighbours, instead of keeping their start.
     pub fill: bool,
@@ -199,6 +194,18 @@ pub struct SolveSettings {
     pub memory: Option<u64>,
     /// The rest of a ray is skipped once its transmittance is below this.
     pub transmittance_bound: f64,
+}
+
+impl SolveSettings {
+    /// The metric that the method can use of the one that is asked for.
+    pub fn metric_in_use(&self) -> MetricName {
+        match self.solver {
+            SolverName::FlexibleCgls | SolverName::Lsqr | SolverName::Lsmr => MetricName::None,
+            SolverName::Fista | SolverName::Cgls => self.metric,
+            _ if self.metric == MetricName::Tiles => MetricName::Sqs,
+            _ => self.metric,
+        }
+    }
 }
 
 impl Default for SolveSettings {

@@ -44,8 +44,6 @@ pub struct History {
 pub enum Beginning<'a, V> {
     /// At x₀, which progress is relative to.
     At(&'a V),
-    /// At a better x than the x₀ that progress is relative to.
-    From(&'a V, Measure),
     /// Where a method stands whose state has been restored.
     Resumed(History),
 }
@@ -86,16 +84,16 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
 ) -> Result<Outcome> {
     limits.check()?;
     problem.check()?;
-    if let Beginning::At(x) | Beginning::From(x, _) = &beginning {
-        expect_len("the start", *x, method.solution().len())?;
-    }
     let clock = Instant::now();
     let mut judge = Judge { problem, limits, r: problem.operator().range(), s: problem.operator().domain() };
     let before_us = problem.applications();
     let mut history = match beginning {
-        Beginning::Resumed(history) => history,
-        Beginning::At(x0) => judge.begin(method, x0, None)?,
-        Beginning::From(x, start) => judge.begin(method, x, Some(start))?,
+        // The limits may be others than before, so who is done is found out anew.
+        Beginning::Resumed(history) => History { settled: [false; 3], ..history },
+        Beginning::At(x0) => {
+            expect_len("the start", x0, method.solution().len())?;
+            judge.begin(method, x0)?
+        }
     };
     let [seconds_before, applications_before] = history
         .progress
@@ -103,8 +101,7 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
         .filter(|last| last.iteration > 0)
         .map_or([0.0; 2], |last| [last.seconds, last.operator_applications as f64]);
     let applied = |extra: usize| applications_before as usize + problem.applications() - before_us - extra;
-    let mut certifying = 0;
-    judge.settle(method, &mut history)?;
+    let mut certifying = judge.settle(method, &mut history)?;
     loop {
         let seconds = seconds_before + clock.elapsed().as_secs_f64();
         let iteration = history.progress.last().map_or(0, |last| last.iteration);
@@ -138,6 +135,7 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
         let seconds = seconds_before + clock.elapsed().as_secs_f64();
         let entry = progress(iteration + 1, seconds, applied(certifying), method.measure(), &history.start);
         history.progress.push(entry);
+        judge.note(method, &mut history, &entry);
         certifying += judge.settle(method, &mut history)?;
         if each(&history, method)? == Control::Stop {
             return judge.finish(method, &history, StopReason::Interrupted);
@@ -154,16 +152,11 @@ struct Judge<'a, O: LinearOperator> {
 }
 
 impl<O: LinearOperator> Judge<'_, O> {
-    fn begin<M: Method<O> + ?Sized>(
-        &self,
-        method: &mut M,
-        x: &O::Domain,
-        start: Option<Measure>,
-    ) -> Result<History> {
+    fn begin<M: Method<O> + ?Sized>(&self, method: &mut M, x: &O::Domain) -> Result<History> {
         let before = self.problem.applications();
         method.begin(self.problem, x)?;
         let measure = finite(method.measure(), 0)?;
-        let start = floored(start.unwrap_or(measure));
+        let start = floored(measure);
         let applications = self.problem.applications() - before;
         Ok(History {
             progress: vec![progress(0, 0.0, applications, measure, &start)],
@@ -183,12 +176,15 @@ impl<O: LinearOperator> Judge<'_, O> {
         }
     }
 
-    /// Marks the channels that are done, takes note of progress, and gives the number of applications that took.
-    fn settle<M: Method<O> + ?Sized>(&mut self, method: &M, history: &mut History) -> Result<usize> {
-        let Some(last) = history.progress.last().copied() else { return Ok(0) };
+    /// Takes note of the progress that an iteration has made.
+    fn note<M: Method<O> + ?Sized>(&self, method: &M, history: &mut History, last: &Progress) {
         let unsettled = (0..3).filter(|&c| !history.settled[c]).map(|c| last.normal_residual[c]);
         let epsilon = method.solution().epsilon();
         history.progressing.note(unsettled.fold(0.0, f64::max), last.residual, epsilon);
+    }
+
+    /// Marks the channels that are done; gives the number of applications that took.
+    fn settle<M: Method<O> + ?Sized>(&mut self, method: &M, history: &mut History) -> Result<usize> {
         self.settle_by_tolerance(history, method.measure());
         let Some(noise) = self.limits.discrepancy.filter(|_| history.settled != [true; 3]) else {
             return Ok(0);

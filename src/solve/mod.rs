@@ -3,17 +3,17 @@
 //! A method knows operators and vectors and nothing else. The loop owns what all methods share: when to
 //! stop, the history, and the check of what the method believes against the truth.
 //!
-//! | method | bounds | vectors of the domain, of the range | idea |
+//! | method | bounds | metric | idea |
 //! |---|---|---|---|
-//! | [`Cgls`] | none | 4, 2 | conjugate gradients on the normal equations |
-//! | [`Lsqr`] | none | 4, 2 | Golub–Kahan bidiagonalization, least ‖b − A x‖ |
-//! | [`Lsmr`] | none | 5, 2 | the same, least ‖Aᵀ(b − A x)‖ |
-//! | [`Fista`] | yes | 6, 1 | projected gradient with momentum and restart |
-//! | [`Spectral`] | yes | 5, 2 | projected gradient with Barzilai–Borwein steps |
-//! | [`Lbfgs`] | yes | 2m + 5, 2 | quasi-Newton on the free elements |
-//! | [`Mprgp`] | yes | 5, 2 | conjugate gradients on a face, projected steps between faces |
-//! | [`FlexibleCgls`] | yes | m + 3, m + 2 | conjugate gradients scaled by the distance to the bounds |
-//! | [`Cgls::clamped`] | yes | 4, 2 | the papers' variant, for comparison; need not converge |
+//! | [`Fista`] | yes | any | projected gradient with momentum and restart |
+//! | [`Spectral`] | yes | diagonal | projected gradient with Barzilai–Borwein steps |
+//! | [`Lbfgs`] | yes | diagonal | quasi-Newton on the free elements |
+//! | [`Mprgp`] | yes | diagonal | conjugate gradients on a face, projected steps between faces |
+//! | [`FlexibleCgls`] | yes | none | conjugate gradients scaled by the distance to the bounds |
+//! | [`Cgls::clamped`] | yes | any | the papers' variant, for comparison; need not converge |
+//! | [`Cgls`] | no | any | conjugate gradients on the normal equations |
+//! | [`Lsqr`] | no | none | Golub–Kahan bidiagonalization, least ‖b − A x‖ |
+//! | [`Lsmr`] | no | none | the same, least ‖Aᵀ(b − A x)‖ |
 
 mod bidiagonal;
 mod cgls;

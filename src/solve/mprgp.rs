@@ -8,7 +8,7 @@
 //!               degenerate (Dostál and Schöberl 2005, theorems 4 and 5).
 //! Source        Dostál 2009, *Optimal Quadratic Programming Algorithms*, algorithm 5.8 with Γ = 1.
 
-use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, ratio};
+use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, ratio};
 use crate::operator::{LinearOperator, Scalars, Vector};
 use crate::{Error, Result};
 
@@ -95,8 +95,8 @@ impl<O: LinearOperator> Mprgp<O> {
         self.projected_step(problem);
         let used = self.z.dot(&self.phi)?;
         let expands = self.met_bound.map(|met| met > 0.0);
-        let kept = |replaced: Live| replaced.map(|replaced| if replaced { 0.0 } else { 1.0 });
-        self.p.axpby(expands.map(|yes| f64::from(u8::from(yes))), &self.z, kept(expands));
+        let others = |replaced: Live| chosen(replaced.map(|replaced| !replaced));
+        self.p.axpby(chosen(expands), &self.z, others(expands));
         // The chopped gradient β: what is left of the projected gradient at the bounds.
         self.z.copy_from(&self.g);
         self.z.hold(&self.x, &self.g, problem.bounds());
@@ -107,8 +107,8 @@ impl<O: LinearOperator> Mprgp<O> {
         let leaves: Live = std::array::from_fn(|c| {
             !expands[c] && chopped[c] > -used[c] * self.norm[c] / EXPANSION && chopped[c] > 0.0
         });
-        self.p.axpby(leaves.map(|yes| -f64::from(u8::from(yes))), &self.z, kept(leaves));
-        self.p.axpby([0.0; 3], &self.z, kept(live.map(|live| !live)));
+        self.p.axpby(chosen(leaves).map(|yes| -yes), &self.z, others(leaves));
+        self.p.axpby([0.0; 3], &self.z, chosen(live));
         Ok(std::array::from_fn(|c| match (live[c], expands[c], leaves[c]) {
             (false, _, _) => Kind::Rest,
             (_, true, _) => Kind::Expansion,
@@ -168,7 +168,7 @@ impl<O: LinearOperator> Method<O> for Mprgp<O> {
             let wanted = if kinds[c] == Kind::Expansion { best.min(1.0) } else { best };
             let meets = wanted > room[c] && kinds[c] != Kind::Expansion;
             alpha[c] = if meets { room[c] } else { wanted };
-            self.met_bound[c] = f64::from(u8::from(meets));
+            self.met_bound[c] = if meets { 1.0 } else { 0.0 };
             if kinds[c] != Kind::Conjugate || meets {
                 self.gamma[c] = 0.0;
             }

@@ -57,6 +57,8 @@ fn every_solver_by_its_name_ends_where_the_others_do() {
         found.iter().all(|r| (r / found[0] - 1.0).abs() < 1e-2)
     };
     assert!(same(true) && same(false), "{objectives:?}");
+    let metric = |solver: &str| solved(&desk, &["--solver", solver]).0["settings"]["metric"].clone();
+    assert_eq!([metric("fista"), metric("lbfgs"), metric("lsmr")], ["tiles", "sqs", "none"]);
     for solver in ["flexible-cgls", "clamped-cgls"] {
         let (report, light_map) = solved(&desk, &["--solver", solver, "--iterations", "20"]);
         assert_eq!(report["stop"]["reason"], "iterations");

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use unscatter::Error;
 use unscatter::operator::{Blocks, Bounds, CpuVector, Identity, LinearOperator, Stacked, Vector};
 use unscatter::solve::{
-    Beginning, Cgls, Control, LeastSquares, Limits, Measure, StopReason, drive, restore, save,
+    Beginning, Cgls, Control, LeastSquares, Limits, StopReason, drive, restore, save,
 };
 
 use super::{Dense, all, bounded, objective, random_matrix, rhs, run, unbounded};
@@ -234,6 +234,23 @@ fn a_resumed_solve_takes_the_same_path_to_the_last_bit() {
 }
 
 #[test]
+fn a_solve_is_resumed_with_a_tighter_tolerance() {
+    let dense = Dense::new(random_matrix(60, 40, 4));
+    let (b, scaling) = (rhs(60, 4), dense.scaling());
+    let problem = LeastSquares::new(&dense, &b).measured(&scaling);
+    for mut method in unbounded(&dense).into_iter().chain(bounded(&dense)) {
+        let loose = run(&mut *method, &problem, &dense.domain(), &Limits::new(5000, 0.1));
+        assert!(loose.true_normal_residual.iter().any(|&residual| residual > 1e-6));
+        let begun = Beginning::Resumed(loose.history);
+        let tight =
+            drive(&mut *method, &problem, begun, &Limits::new(5000, 1e-8), |_, _| Ok(Control::Continue))
+                .unwrap();
+        assert_eq!(tight.stop.reason, StopReason::Tolerance, "{}", method.name());
+        assert!(tight.true_normal_residual.iter().all(|&residual| residual <= 1.5e-8), "{}", method.name());
+    }
+}
+
+#[test]
 fn a_nan_in_the_matrix_is_an_error() {
     let mut matrix = random_matrix(5, 5, 1);
     matrix[(2, 2)] = f64::NAN;
@@ -282,8 +299,4 @@ fn settings_that_make_no_sense_are_errors_by_name() {
     let short = CpuVector::zeros(2);
     let wrong = LeastSquares::new(&dense, &short);
     assert!(fails(&wrong, &start, Limits::new(5, 0.1)).contains("right-hand side"));
-    let measure = Measure { residual: [1.0; 3], normal_residual: [1.0; 3] };
-    let mut method = Cgls::new(&dense);
-    let from = Beginning::From(&short, measure);
-    assert!(drive(&mut method, &problem, from, &Limits::new(5, 0.1), |_, _| Ok(Control::Continue)).is_err());
 }
