@@ -4,9 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use unscatter::Error;
 use unscatter::operator::{Blocks, Bounds, CpuVector, Identity, LinearOperator, Stacked, Vector};
-use unscatter::solve::{
-    Beginning, Cgls, Control, LeastSquares, Limits, StopReason, drive, restore, save,
-};
+use unscatter::solve::{Beginning, Cgls, Control, LeastSquares, Limits, StopReason, drive, restore, save};
 
 use super::{Dense, all, bounded, objective, random_matrix, rhs, run, unbounded};
 
