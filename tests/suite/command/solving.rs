@@ -181,3 +181,32 @@ fn settings_that_make_no_sense_are_named() {
     let unbounded = ["--solver", "lsmr", "--set", "solve.upper=1"];
     desk.run(&[&SOLVE[..], &unbounded].concat()).exits_with(1).tells("keeps no bounds");
 }
+
+#[test]
+fn the_library_names_them_as_well() {
+    use unscatter::problem::{LightMapProblem, solve};
+    use unscatter::scene::Weight;
+    use unscatter::solve::Control;
+    let desk = Desk::new();
+    let refused = |spoil: &dyn Fn(&mut unscatter::scene::Scene, &mut LightMapProblem)| {
+        let mut scene = unscatter::io::scene_file::load(&desk.path("scene.json"), &[]).unwrap();
+        let mut problem = LightMapProblem::new(&scene).unwrap();
+        let operator = problem.operator(&scene, u64::MAX).unwrap();
+        let coverage = operator.squares(&problem.weights()).unwrap();
+        spoil(&mut scene, &mut problem);
+        let result = solve(&problem, &operator, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue));
+        result.unwrap_err().to_string()
+    };
+    assert!(
+        refused(&|scene, _| scene.solve.regularization.tikhonov = Weight::Relative(f64::NAN))
+            .contains("tikhonov")
+    );
+    assert!(
+        refused(&|scene, _| scene.solve.regularization.laplacian = Weight::Relative(-1.0))
+            .contains("laplacian")
+    );
+    assert!(refused(&|scene, _| scene.solve.bounds = [[1.0; 3], [0.5; 3]]).contains("upper"));
+    assert!(refused(&|scene, _| scene.solve.tolerance = f64::NAN).contains("tolerance"));
+    assert!(refused(&|_, problem| problem.constraints[7].weight = f32::NAN).contains("weights[7]"));
+    assert!(refused(&|_, problem| problem.constraints[3].weight = -0.5).contains("weights[3]"));
+}
