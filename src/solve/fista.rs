@@ -12,6 +12,7 @@
 //! The gradient is affine in x. So that of the point ahead, y = x + m (x − x₋), is g + m (g − g₋), and two
 //! applications an iteration give r, g and the KKT residual of the iterate itself.
 
+use super::iterate::Iterate;
 use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, each};
 use crate::Result;
 use crate::operator::{LinearOperator, Scalars, Vector};
@@ -22,23 +23,18 @@ const ROUNDING: f64 = 1e-3;
 /// Projected accelerated gradient.
 #[derive(Debug)]
 pub struct Fista<O: LinearOperator> {
-    x: O::Domain,
+    at: Iterate<O>,
     /// x one iteration ago; in a step the point ahead, y.
     x_before: O::Domain,
-    /// Aᵀ (A x − b).
-    g: O::Domain,
     /// g one iteration ago; in a step the gradient at y.
     g_before: O::Domain,
     /// Where the step leads.
     next: O::Domain,
     g_next: O::Domain,
-    r: O::Range,
     /// ‖A d‖² ≤ `norm` dᵀ D d.
     norm: Scalars,
     /// The t of the momentum; 1 is none.
     t: Scalars,
-    residual: Scalars,
-    normal_residual: Scalars,
 }
 
 impl<O: LinearOperator> Fista<O> {
@@ -48,17 +44,13 @@ impl<O: LinearOperator> Fista<O> {
     /// The method for problems of this operator's shape.
     pub fn new(operator: &O) -> Self {
         Self {
-            x: operator.domain(),
+            at: Iterate::new(operator),
             x_before: operator.domain(),
-            g: operator.domain(),
             g_before: operator.domain(),
             next: operator.domain(),
             g_next: operator.domain(),
-            r: operator.range(),
             norm: [1.0; 3],
             t: [1.0; 3],
-            residual: [0.0; 3],
-            normal_residual: [0.0; 3],
         }
     }
 
@@ -67,10 +59,10 @@ impl<O: LinearOperator> Fista<O> {
         self.next.copy_from(&self.g_before);
         problem.descend(&mut self.next, &self.x_before, self.norm);
         if live != [true; 3] {
-            self.next.axpby(chosen(live.map(|live| !live)), &self.x, chosen(live));
+            self.next.axpby(chosen(live.map(|live| !live)), &self.at.x, chosen(live));
         }
-        problem.residual(&self.next, &mut self.r)?;
-        problem.gradient(&self.r, &mut self.g_next)
+        problem.residual(&self.next, &mut self.at.r)?;
+        problem.gradient(&self.at.r, &mut self.g_next)
     }
 }
 
@@ -88,17 +80,12 @@ impl<O: LinearOperator> Method<O> for Fista<O> {
     }
 
     fn begin(&mut self, problem: &LeastSquares<O>, x: &O::Domain) -> Result<()> {
-        self.x.copy_from(x);
-        self.x.clamp(problem.bounds());
-        problem.residual(&self.x, &mut self.r)?;
-        problem.gradient(&self.r, &mut self.g)?;
-        self.residual = self.r.norm_squared()?;
-        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        self.at.begin(problem, x)?;
         self.t = [1.0; 3];
         self.norm = [1.0; 3];
         if !problem.is_majorized() {
-            self.norm = problem.curvature_along(&self.g, &mut self.next, &mut self.r)?;
-            problem.residual(&self.x, &mut self.r)?;
+            self.norm = problem.curvature_along(&self.at.g, &mut self.next, &mut self.at.r)?;
+            problem.residual(&self.at.x, &mut self.at.r)?;
         }
         Ok(())
     }
@@ -106,8 +93,8 @@ impl<O: LinearOperator> Method<O> for Fista<O> {
     fn step(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<()> {
         let t = self.t.map(|t| (1.0 + (1.0 + 4.0 * t * t).sqrt()) / 2.0);
         let ahead = each(|c| if self.t[c] > 1.0 { (self.t[c] - 1.0) / t[c] } else { 0.0 });
-        go_ahead(&mut self.x_before, &self.x, ahead);
-        go_ahead(&mut self.g_before, &self.g, ahead);
+        go_ahead(&mut self.x_before, &self.at.x, ahead);
+        go_ahead(&mut self.g_before, &self.at.g, ahead);
         self.project(problem, live)?;
 
         // d = y − x₊ takes the place of y, D d that of the gradient at y.
@@ -128,38 +115,41 @@ impl<O: LinearOperator> Method<O> for Fista<O> {
             self.t = [1.0; 3];
             return self.step(problem, live);
         }
-        let (forth, back) = (self.g_before.dot(&self.next)?, self.g_before.dot(&self.x)?);
-        let objective = self.r.norm_squared()?;
-        let rounding = 1.0 + 8.0 * self.x.epsilon();
-        let turns = |c: usize| forth[c] > back[c] || objective[c] > rounding * self.residual[c];
+        let (forth, back) = (self.g_before.dot(&self.next)?, self.g_before.dot(&self.at.x)?);
+        let objective = self.at.r.norm_squared()?;
+        let rounding = 1.0 + 8.0 * self.at.x.epsilon();
+        let turns = |c: usize| forth[c] > back[c] || objective[c] > rounding * self.at.measure.residual[c];
         self.t = each(|c| if turns(c) { 1.0 } else { t[c] });
 
-        std::mem::swap(&mut self.x, &mut self.x_before);
-        std::mem::swap(&mut self.x, &mut self.next);
-        std::mem::swap(&mut self.g, &mut self.g_before);
-        std::mem::swap(&mut self.g, &mut self.g_next);
-        self.residual = objective;
-        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
-        Ok(())
+        std::mem::swap(&mut self.at.x, &mut self.x_before);
+        std::mem::swap(&mut self.at.x, &mut self.next);
+        std::mem::swap(&mut self.at.g, &mut self.g_before);
+        std::mem::swap(&mut self.at.g, &mut self.g_next);
+        self.at.take_measure(problem)
     }
 
     fn solution(&self) -> &O::Domain {
-        &self.x
+        &self.at.x
     }
 
     fn measure(&self) -> Measure {
-        Measure { residual: self.residual, normal_residual: self.normal_residual }
+        self.at.measure
     }
 
     fn residual(&self) -> Option<&O::Range> {
-        Some(&self.r)
+        Some(&self.at.r)
     }
 
     fn memory(&mut self) -> Memory<'_, O> {
         Memory {
-            domain: vec![&mut self.x, &mut self.x_before, &mut self.g, &mut self.g_before],
-            range: vec![&mut self.r],
-            scalars: vec![&mut self.norm, &mut self.t, &mut self.residual, &mut self.normal_residual],
+            domain: vec![&mut self.at.x, &mut self.x_before, &mut self.at.g, &mut self.g_before],
+            range: vec![&mut self.at.r],
+            scalars: vec![
+                &mut self.norm,
+                &mut self.t,
+                &mut self.at.measure.residual,
+                &mut self.at.measure.normal_residual,
+            ],
         }
     }
 }

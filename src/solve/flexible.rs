@@ -8,6 +8,7 @@
 //! Source        Gazzola and Wiaux 2017, NN-FCGLS, with the distance to the nearer bound for x. Departs from it in that a
 //!               step ends a little before the bound, and that the memory is lost there and not the iteration.
 
+use super::iterate::Iterate;
 use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, each, ratio};
 use crate::Result;
 use crate::operator::{LinearOperator, Scalars, Vector};
@@ -20,10 +21,8 @@ const SHORT_OF_BOUND: f64 = 0.99;
 /// Flexible conjugate gradients that never leave the bounds.
 #[derive(Debug)]
 pub struct FlexibleCgls<O: LinearOperator> {
-    x: O::Domain,
-    g: O::Domain,
+    at: Iterate<O>,
     d: O::Domain,
-    r: O::Range,
     /// A d.
     w: O::Range,
     /// The last directions and their images, the newest first.
@@ -31,8 +30,6 @@ pub struct FlexibleCgls<O: LinearOperator> {
     images: Vec<O::Range>,
     /// ‖A d‖² of each; 0 for one that the channel has forgotten.
     lengths: [Scalars; REMEMBERED],
-    residual: Scalars,
-    normal_residual: Scalars,
 }
 
 impl<O: LinearOperator> FlexibleCgls<O> {
@@ -42,16 +39,12 @@ impl<O: LinearOperator> FlexibleCgls<O> {
     /// The method for problems of this operator's shape.
     pub fn new(operator: &O) -> Self {
         Self {
-            x: operator.domain(),
-            g: operator.domain(),
+            at: Iterate::new(operator),
             d: operator.domain(),
-            r: operator.range(),
             w: operator.range(),
             directions: (0..REMEMBERED).map(|_| operator.domain()).collect(),
             images: (0..REMEMBERED).map(|_| operator.range()).collect(),
             lengths: [[0.0; 3]; REMEMBERED],
-            residual: [0.0; 3],
-            normal_residual: [0.0; 3],
         }
     }
 }
@@ -70,19 +63,14 @@ impl<O: LinearOperator> Method<O> for FlexibleCgls<O> {
     }
 
     fn begin(&mut self, problem: &LeastSquares<O>, x: &O::Domain) -> Result<()> {
-        self.x.copy_from(x);
-        self.x.clamp(problem.bounds());
-        problem.residual(&self.x, &mut self.r)?;
-        problem.gradient(&self.r, &mut self.g)?;
-        self.residual = self.r.norm_squared()?;
-        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        self.at.begin(problem, x)?;
         self.lengths = [[0.0; 3]; REMEMBERED];
         Ok(())
     }
 
     fn step(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<()> {
-        self.d.axpby([-1.0; 3], &self.g, [0.0; 3]);
-        self.d.shorten(&self.x, problem.bounds());
+        self.d.axpby([-1.0; 3], &self.at.g, [0.0; 3]);
+        self.d.shorten(&self.at.x, problem.bounds());
         problem.apply(&self.d, &mut self.w)?;
         for (i, length) in self.lengths.iter().enumerate() {
             if *length == [0.0; 3] {
@@ -93,15 +81,13 @@ impl<O: LinearOperator> Method<O> for FlexibleCgls<O> {
             self.w.axpby(beta.map(|beta| -beta), &self.images[i], [1.0; 3]);
         }
         let length = self.w.norm_squared()?;
-        let best = ratio(self.r.dot(&self.w)?, length);
-        let room = self.d.largest_step(&self.x, problem.bounds())?.map(|room| SHORT_OF_BOUND * room);
+        let best = ratio(self.at.r.dot(&self.w)?, length);
+        let room = self.d.largest_step(&self.at.x, problem.bounds())?.map(|room| SHORT_OF_BOUND * room);
         let step = each(|c| if live[c] { best[c].clamp(0.0, room[c]) } else { 0.0 });
-        self.x.axpby(step, &self.d, [1.0; 3]);
-        self.x.clamp(problem.bounds());
-        self.r.axpby(step.map(|step| -step), &self.w, [1.0; 3]);
-        problem.gradient(&self.r, &mut self.g)?;
-        self.residual = self.r.norm_squared()?;
-        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        self.at.x.axpby(step, &self.d, [1.0; 3]);
+        self.at.x.clamp(problem.bounds());
+        self.at.r.axpby(step.map(|step| -step), &self.w, [1.0; 3]);
+        self.at.look(problem)?;
 
         self.lengths.rotate_right(1);
         self.directions.rotate_right(1);
@@ -118,23 +104,23 @@ impl<O: LinearOperator> Method<O> for FlexibleCgls<O> {
     }
 
     fn solution(&self) -> &O::Domain {
-        &self.x
+        &self.at.x
     }
 
     fn measure(&self) -> Measure {
-        Measure { residual: self.residual, normal_residual: self.normal_residual }
+        self.at.measure
     }
 
     fn residual(&self) -> Option<&O::Range> {
-        Some(&self.r)
+        Some(&self.at.r)
     }
 
     fn memory(&mut self) -> Memory<'_, O> {
-        let mut domain = vec![&mut self.x, &mut self.g];
+        let mut domain = vec![&mut self.at.x, &mut self.at.g];
         domain.extend(&mut self.directions);
-        let mut range = vec![&mut self.r];
+        let mut range = vec![&mut self.at.r];
         range.extend(&mut self.images);
-        let mut scalars = vec![&mut self.residual, &mut self.normal_residual];
+        let mut scalars = vec![&mut self.at.measure.residual, &mut self.at.measure.normal_residual];
         scalars.extend(&mut self.lengths);
         Memory { domain, range, scalars }
     }

@@ -9,6 +9,7 @@
 //!               (Bertsekas 1982, proposition 2); here those at it are, so that is not proven.
 //! Source        Nocedal 1980; two metrics: Bertsekas 1982, Kim, Sra and Dhillon 2010.
 
+use super::iterate::Iterate;
 use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, each, ratio};
 use crate::Result;
 use crate::operator::{LinearOperator, Scalars, Vector};
@@ -19,8 +20,7 @@ const REMEMBERED: usize = 5;
 /// Projected limited-memory BFGS.
 #[derive(Debug)]
 pub struct Lbfgs<O: LinearOperator> {
-    x: O::Domain,
-    g: O::Domain,
+    at: Iterate<O>,
     d: O::Domain,
     w: O::Domain,
     z: O::Domain,
@@ -29,13 +29,10 @@ pub struct Lbfgs<O: LinearOperator> {
     changes: Vec<O::Domain>,
     /// 1 for the steps that a channel remembers.
     known: [Scalars; REMEMBERED],
-    r: O::Range,
     /// A d.
     q: O::Range,
     /// Length of a projected gradient step.
     alpha: Scalars,
-    residual: Scalars,
-    normal_residual: Scalars,
 }
 
 impl<O: LinearOperator> Lbfgs<O> {
@@ -45,33 +42,29 @@ impl<O: LinearOperator> Lbfgs<O> {
     /// The method for problems of this operator's shape.
     pub fn new(operator: &O) -> Self {
         Self {
-            x: operator.domain(),
-            g: operator.domain(),
+            at: Iterate::new(operator),
             d: operator.domain(),
             w: operator.domain(),
             z: operator.domain(),
             steps: (0..REMEMBERED).map(|_| operator.domain()).collect(),
             changes: (0..REMEMBERED).map(|_| operator.domain()).collect(),
             known: [[0.0; 3]; REMEMBERED],
-            r: operator.range(),
             q: operator.range(),
             alpha: [1.0; 3],
-            residual: [0.0; 3],
-            normal_residual: [0.0; 3],
         }
     }
 
     /// d ← H g on the free elements, H the inverse of Aᵀ A as far as it is known: the two loops of L-BFGS.
     fn quasi_newton(&mut self, problem: &LeastSquares<O>) -> Result<()> {
         let bounds = problem.bounds();
-        self.d.copy_from(&self.g);
-        self.d.hold(&self.x, &self.g, bounds);
+        self.d.copy_from(&self.at.g);
+        self.d.hold(&self.at.x, &self.at.g, bounds);
         let (mut rho, mut a) = ([[0.0; 3]; REMEMBERED], [[0.0; 3]; REMEMBERED]);
         let mut scale = self.alpha;
         let oldest = self.known.iter().rposition(|known| *known != [0.0; 3]).map_or(0, |last| last + 1);
         for i in 0..oldest {
             self.w.copy_from(&self.changes[i]);
-            self.w.hold(&self.x, &self.g, bounds);
+            self.w.hold(&self.at.x, &self.at.g, bounds);
             let curvature = self.w.dot(&self.steps[i])?;
             let along = self.steps[i].dot(&self.d)?;
             let is_known = |c: usize| self.known[i][c] > 0.0 && curvature[c] > 0.0;
@@ -90,29 +83,29 @@ impl<O: LinearOperator> Lbfgs<O> {
         for i in (0..oldest).rev() {
             let along = self.changes[i].dot(&self.d)?;
             self.d.axpby(each(|c| a[i][c] - rho[i][c] * along[c]), &self.steps[i], [1.0; 3]);
-            self.d.hold(&self.x, &self.g, bounds);
+            self.d.hold(&self.at.x, &self.at.g, bounds);
         }
         Ok(())
     }
 
     /// d ← P(x − d) − x, or P(x − α D⁻¹ g) − x in channels where that does not lead down; gives ⟨g, d⟩.
     fn bend(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<Scalars> {
-        self.d.axpby([1.0; 3], &self.x, [-1.0; 3]);
+        self.d.axpby([1.0; 3], &self.at.x, [-1.0; 3]);
         self.d.clamp(problem.bounds());
-        self.d.axpby([-1.0; 3], &self.x, [1.0; 3]);
-        let slope = self.g.dot(&self.d)?;
+        self.d.axpby([-1.0; 3], &self.at.x, [1.0; 3]);
+        let slope = self.at.g.dot(&self.d)?;
         let fails = slope.map(|slope| slope >= 0.0 || slope.is_nan());
         if fails.contains(&true) {
-            self.z.copy_from(&self.g);
-            problem.descend(&mut self.z, &self.x, self.alpha.map(|alpha| 1.0 / alpha));
-            self.z.axpby([-1.0; 3], &self.x, [1.0; 3]);
+            self.z.copy_from(&self.at.g);
+            problem.descend(&mut self.z, &self.at.x, self.alpha.map(|alpha| 1.0 / alpha));
+            self.z.axpby([-1.0; 3], &self.at.x, [1.0; 3]);
             self.d.axpby(chosen(fails), &self.z, chosen(fails.map(|fails| !fails)));
             for known in &mut self.known {
                 *known = each(|c| if fails[c] { 0.0 } else { known[c] });
             }
         }
         self.d.axpby([0.0; 3], &self.z, chosen(live));
-        self.g.dot(&self.d)
+        self.at.g.dot(&self.d)
     }
 }
 
@@ -130,16 +123,11 @@ impl<O: LinearOperator> Method<O> for Lbfgs<O> {
     }
 
     fn begin(&mut self, problem: &LeastSquares<O>, x: &O::Domain) -> Result<()> {
-        self.x.copy_from(x);
-        self.x.clamp(problem.bounds());
-        problem.residual(&self.x, &mut self.r)?;
-        problem.gradient(&self.r, &mut self.g)?;
-        self.residual = self.r.norm_squared()?;
-        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        self.at.begin(problem, x)?;
         self.known = [[0.0; 3]; REMEMBERED];
         self.alpha = [1.0; 3];
         if !problem.is_majorized() {
-            let curvature = problem.curvature_along(&self.g, &mut self.z, &mut self.q)?;
+            let curvature = problem.curvature_along(&self.at.g, &mut self.z, &mut self.q)?;
             self.alpha = curvature.map(|curvature| 1.0 / curvature);
         }
         Ok(())
@@ -152,42 +140,42 @@ impl<O: LinearOperator> Method<O> for Lbfgs<O> {
         let curvature = self.q.norm_squared()?;
         let best = ratio(slope, curvature);
         let step = each(|c| (-best[c]).clamp(0.0, 1.0));
-        self.x.axpby(step, &self.d, [1.0; 3]);
+        self.at.x.axpby(step, &self.d, [1.0; 3]);
         // Rounding may have led out of the box by a digit.
-        self.x.clamp(problem.bounds());
-        self.r.axpby(step.map(|step| -step), &self.q, [1.0; 3]);
+        self.at.x.clamp(problem.bounds());
+        self.at.r.axpby(step.map(|step| -step), &self.q, [1.0; 3]);
 
         self.steps.rotate_right(1);
         self.changes.rotate_right(1);
         self.known.rotate_right(1);
         self.steps[0].axpby(step, &self.d, [0.0; 3]);
-        self.changes[0].copy_from(&self.g);
-        problem.gradient(&self.r, &mut self.g)?;
-        self.changes[0].axpby([1.0; 3], &self.g, [-1.0; 3]);
+        self.changes[0].copy_from(&self.at.g);
+        problem.gradient(&self.at.r, &mut self.at.g)?;
+        self.changes[0].axpby([1.0; 3], &self.at.g, [-1.0; 3]);
         self.known[0] = each(|c| if step[c] > 0.0 && curvature[c] > 0.0 { 1.0 } else { 0.0 });
-        self.residual = self.r.norm_squared()?;
-        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        self.at.take_measure(problem)?;
         Ok(())
     }
 
     fn solution(&self) -> &O::Domain {
-        &self.x
+        &self.at.x
     }
 
     fn measure(&self) -> Measure {
-        Measure { residual: self.residual, normal_residual: self.normal_residual }
+        self.at.measure
     }
 
     fn residual(&self) -> Option<&O::Range> {
-        Some(&self.r)
+        Some(&self.at.r)
     }
 
     fn memory(&mut self) -> Memory<'_, O> {
-        let mut domain = vec![&mut self.x, &mut self.g];
+        let mut domain = vec![&mut self.at.x, &mut self.at.g];
         domain.extend(&mut self.steps);
         domain.extend(&mut self.changes);
-        let mut scalars = vec![&mut self.alpha, &mut self.residual, &mut self.normal_residual];
+        let mut scalars =
+            vec![&mut self.alpha, &mut self.at.measure.residual, &mut self.at.measure.normal_residual];
         scalars.extend(&mut self.known);
-        Memory { domain, range: vec![&mut self.r], scalars }
+        Memory { domain, range: vec![&mut self.at.r], scalars }
     }
 }

@@ -21,6 +21,7 @@ mod choose;
 mod drive;
 mod fista;
 mod flexible;
+mod iterate;
 mod lbfgs;
 mod least_squares;
 mod lsmr;

@@ -8,6 +8,7 @@
 //!               degenerate (Dostál and Schöberl 2005, theorems 4 and 5).
 //! Source        Dostál 2009, *Optimal Quadratic Programming Algorithms*, algorithm 5.8 with Γ = 1.
 
+use super::iterate::Iterate;
 use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, ratio};
 use crate::operator::{LinearOperator, Scalars, Vector};
 use crate::{Error, Result};
@@ -18,14 +19,12 @@ const EXPANSION: f64 = 1.9;
 /// Modified proportioning with reduced gradient projections.
 #[derive(Debug)]
 pub struct Mprgp<O: LinearOperator> {
-    x: O::Domain,
-    g: O::Domain,
+    at: Iterate<O>,
     /// The direction of the step, and of the next conjugate one.
     p: O::Domain,
     /// The free gradient: g where x is inside.
     phi: O::Domain,
     z: O::Domain,
-    r: O::Range,
     /// A p.
     q: O::Range,
     /// ⟨φ, D⁻¹ φ⟩ where the last conjugate step began; 0 when the next one is the first.
@@ -34,8 +33,6 @@ pub struct Mprgp<O: LinearOperator> {
     met_bound: Scalars,
     /// ‖A d‖² ≤ `norm` dᵀ D d for every d met so far.
     norm: Scalars,
-    residual: Scalars,
-    normal_residual: Scalars,
 }
 
 /// What a channel does in an iteration.
@@ -54,25 +51,21 @@ impl<O: LinearOperator> Mprgp<O> {
     /// The method for problems of this operator's shape.
     pub fn new(operator: &O) -> Self {
         Self {
-            x: operator.domain(),
-            g: operator.domain(),
+            at: Iterate::new(operator),
             p: operator.domain(),
             phi: operator.domain(),
             z: operator.domain(),
-            r: operator.range(),
             q: operator.range(),
             gamma: [0.0; 3],
             met_bound: [0.0; 3],
             norm: [1.0; 3],
-            residual: [0.0; 3],
-            normal_residual: [0.0; 3],
         }
     }
 
     /// φ and D⁻¹ φ; gives ⟨φ, D⁻¹ φ⟩.
     fn free_gradient(&mut self, problem: &LeastSquares<O>) -> Result<Scalars> {
-        self.phi.copy_from(&self.g);
-        self.phi.hold_at_bounds(&self.x, problem.bounds());
+        self.phi.copy_from(&self.at.g);
+        self.phi.hold_at_bounds(&self.at.x, problem.bounds());
         self.z.copy_from(&self.phi);
         problem.shrink(&mut self.z);
         self.phi.dot(&self.z)
@@ -80,9 +73,9 @@ impl<O: LinearOperator> Mprgp<O> {
 
     /// d = P(x − step D⁻¹ φ) − x, given D⁻¹ φ in `z`; it is left in `z`.
     fn projected_step(&mut self, problem: &LeastSquares<O>) {
-        self.z.axpby([1.0; 3], &self.x, self.norm.map(|norm| -EXPANSION / norm));
+        self.z.axpby([1.0; 3], &self.at.x, self.norm.map(|norm| -EXPANSION / norm));
         self.z.clamp(problem.bounds());
-        self.z.axpby([-1.0; 3], &self.x, [1.0; 3]);
+        self.z.axpby([-1.0; 3], &self.at.x, [1.0; 3]);
     }
 
     /// Chooses for every channel what to do, and composes the directions in `p`.
@@ -98,8 +91,8 @@ impl<O: LinearOperator> Mprgp<O> {
         let others = |replaced: Live| chosen(replaced.map(|replaced| !replaced));
         self.p.axpby(chosen(expands), &self.z, others(expands));
         // The chopped gradient β: what is left of the projected gradient at the bounds.
-        self.z.copy_from(&self.g);
-        self.z.hold(&self.x, &self.g, problem.bounds());
+        self.z.copy_from(&self.at.g);
+        self.z.hold(&self.at.x, &self.at.g, problem.bounds());
         self.z.axpby([-1.0; 3], &self.phi, [1.0; 3]);
         self.phi.copy_from(&self.z);
         problem.shrink(&mut self.z);
@@ -132,16 +125,11 @@ impl<O: LinearOperator> Method<O> for Mprgp<O> {
     }
 
     fn begin(&mut self, problem: &LeastSquares<O>, x: &O::Domain) -> Result<()> {
-        self.x.copy_from(x);
-        self.x.clamp(problem.bounds());
-        problem.residual(&self.x, &mut self.r)?;
-        problem.gradient(&self.r, &mut self.g)?;
-        self.residual = self.r.norm_squared()?;
-        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        self.at.begin(problem, x)?;
         (self.gamma, self.met_bound) = ([0.0; 3], [0.0; 3]);
         self.norm = [1.0; 3];
         if !problem.is_majorized() {
-            self.norm = problem.curvature_along(&self.g, &mut self.z, &mut self.q)?;
+            self.norm = problem.curvature_along(&self.at.g, &mut self.z, &mut self.q)?;
         }
         Ok(())
     }
@@ -149,14 +137,14 @@ impl<O: LinearOperator> Method<O> for Mprgp<O> {
     fn step(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<()> {
         let kinds = self.choose(problem, live)?;
         problem.apply(&self.p, &mut self.q)?;
-        let (slope, curvature) = (self.g.dot(&self.p)?, self.q.norm_squared()?);
+        let (slope, curvature) = (self.at.g.dot(&self.p)?, self.q.norm_squared()?);
         if let Some(&value) = curvature.iter().find(|value| !value.is_finite()) {
             return Err(Error::Curvature { value, iteration: 0 });
         }
         self.z.copy_from(&self.p);
         problem.stretch(&mut self.z);
         let length = self.z.dot(&self.p)?;
-        let room = self.p.largest_step(&self.x, problem.bounds())?;
+        let room = self.p.largest_step(&self.at.x, problem.bounds())?;
         let mut alpha = [0.0; 3];
         for c in 0..3 {
             self.norm[c] = self.norm[c].max(ratio(curvature, length)[c]);
@@ -173,37 +161,35 @@ impl<O: LinearOperator> Method<O> for Mprgp<O> {
                 self.gamma[c] = 0.0;
             }
         }
-        self.x.axpby(alpha, &self.p, [1.0; 3]);
-        self.x.clamp(problem.bounds());
-        self.r.axpby(alpha.map(|alpha| -alpha), &self.q, [1.0; 3]);
-        problem.gradient(&self.r, &mut self.g)?;
-        self.residual = self.r.norm_squared()?;
-        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        self.at.x.axpby(alpha, &self.p, [1.0; 3]);
+        self.at.x.clamp(problem.bounds());
+        self.at.r.axpby(alpha.map(|alpha| -alpha), &self.q, [1.0; 3]);
+        self.at.look(problem)?;
         Ok(())
     }
 
     fn solution(&self) -> &O::Domain {
-        &self.x
+        &self.at.x
     }
 
     fn measure(&self) -> Measure {
-        Measure { residual: self.residual, normal_residual: self.normal_residual }
+        self.at.measure
     }
 
     fn residual(&self) -> Option<&O::Range> {
-        Some(&self.r)
+        Some(&self.at.r)
     }
 
     fn memory(&mut self) -> Memory<'_, O> {
         Memory {
-            domain: vec![&mut self.x, &mut self.g, &mut self.p],
-            range: vec![&mut self.r],
+            domain: vec![&mut self.at.x, &mut self.at.g, &mut self.p],
+            range: vec![&mut self.at.r],
             scalars: vec![
                 &mut self.gamma,
                 &mut self.met_bound,
                 &mut self.norm,
-                &mut self.residual,
-                &mut self.normal_residual,
+                &mut self.at.measure.residual,
+                &mut self.at.measure.normal_residual,
             ],
         }
     }

@@ -8,6 +8,7 @@
 //! Source        Birgin, Martínez and Raydan 2000, algorithm SPG2; steps: Barzilai and Borwein 1988, eq. 5 and 6 in turn.
 //!               The objective is quadratic, so the step along the segment is exact instead of searched for.
 
+use super::iterate::Iterate;
 use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, each, ratio};
 use crate::Result;
 use crate::operator::{LinearOperator, Scalars, Vector};
@@ -20,14 +21,12 @@ const SUFFICIENT: f64 = 1e-4;
 /// Spectral projected gradient.
 #[derive(Debug)]
 pub struct Spectral<O: LinearOperator> {
-    x: O::Domain,
-    g: O::Domain,
+    at: Iterate<O>,
     /// The direction, from x to where the projected gradient step leads.
     d: O::Domain,
     /// What the gradient changes by.
     y: O::Domain,
     z: O::Domain,
-    r: O::Range,
     /// A d.
     q: O::Range,
     /// Length of the next projected gradient step.
@@ -36,8 +35,6 @@ pub struct Spectral<O: LinearOperator> {
     long: Scalars,
     /// ‖r‖² of the last iterations, the newest first.
     objectives: [Scalars; REMEMBERED],
-    residual: Scalars,
-    normal_residual: Scalars,
 }
 
 impl<O: LinearOperator> Spectral<O> {
@@ -47,18 +44,14 @@ impl<O: LinearOperator> Spectral<O> {
     /// The method for problems of this operator's shape.
     pub fn new(operator: &O) -> Self {
         Self {
-            x: operator.domain(),
-            g: operator.domain(),
+            at: Iterate::new(operator),
             d: operator.domain(),
             y: operator.domain(),
             z: operator.domain(),
-            r: operator.range(),
             q: operator.range(),
             alpha: [1.0; 3],
             long: [-1.0; 3],
             objectives: [[0.0; 3]; REMEMBERED],
-            residual: [0.0; 3],
-            normal_residual: [0.0; 3],
         }
     }
 
@@ -66,7 +59,7 @@ impl<O: LinearOperator> Spectral<O> {
     fn step_length(&self, slope: Scalars, curvature: Scalars) -> Scalars {
         each(|c| {
             let most = self.objectives.iter().map(|objective| objective[c]).fold(0.0, f64::max);
-            let full = self.residual[c] + 2.0 * slope[c] + curvature[c];
+            let full = self.at.measure.residual[c] + 2.0 * slope[c] + curvature[c];
             let best = if curvature[c] > 0.0 { (-slope[c] / curvature[c]).clamp(0.0, 1.0) } else { 1.0 };
             if full > most + 2.0 * SUFFICIENT * slope[c] { best } else { 1.0 }
         })
@@ -87,38 +80,33 @@ impl<O: LinearOperator> Method<O> for Spectral<O> {
     }
 
     fn begin(&mut self, problem: &LeastSquares<O>, x: &O::Domain) -> Result<()> {
-        self.x.copy_from(x);
-        self.x.clamp(problem.bounds());
-        problem.residual(&self.x, &mut self.r)?;
-        problem.gradient(&self.r, &mut self.g)?;
-        self.residual = self.r.norm_squared()?;
-        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
-        self.objectives = [self.residual; REMEMBERED];
+        self.at.begin(problem, x)?;
+        self.objectives = [self.at.measure.residual; REMEMBERED];
         self.long = [-1.0; 3];
         self.alpha = [1.0; 3];
         if !problem.is_majorized() {
-            let curvature = problem.curvature_along(&self.g, &mut self.z, &mut self.q)?;
+            let curvature = problem.curvature_along(&self.at.g, &mut self.z, &mut self.q)?;
             self.alpha = curvature.map(|curvature| 1.0 / curvature);
         }
         Ok(())
     }
 
     fn step(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<()> {
-        self.d.copy_from(&self.g);
+        self.d.copy_from(&self.at.g);
         problem.shrink(&mut self.d);
-        self.d.axpby([1.0; 3], &self.x, self.alpha.map(|alpha| -alpha));
+        self.d.axpby([1.0; 3], &self.at.x, self.alpha.map(|alpha| -alpha));
         self.d.clamp(problem.bounds());
-        self.d.axpby(chosen(live).map(|live| -live), &self.x, chosen(live));
+        self.d.axpby(chosen(live).map(|live| -live), &self.at.x, chosen(live));
         problem.apply(&self.d, &mut self.q)?;
         let curvature = self.q.norm_squared()?;
-        let step = self.step_length(self.g.dot(&self.d)?, curvature);
-        self.x.axpby(step, &self.d, [1.0; 3]);
+        let step = self.step_length(self.at.g.dot(&self.d)?, curvature);
+        self.at.x.axpby(step, &self.d, [1.0; 3]);
         // Rounding may have led out of the box by a digit.
-        self.x.clamp(problem.bounds());
-        self.r.axpby(step.map(|step| -step), &self.q, [1.0; 3]);
-        self.y.copy_from(&self.g);
-        problem.gradient(&self.r, &mut self.g)?;
-        self.y.axpby([1.0; 3], &self.g, [-1.0; 3]);
+        self.at.x.clamp(problem.bounds());
+        self.at.r.axpby(step.map(|step| -step), &self.q, [1.0; 3]);
+        self.y.copy_from(&self.at.g);
+        problem.gradient(&self.at.r, &mut self.at.g)?;
+        self.y.axpby([1.0; 3], &self.at.g, [-1.0; 3]);
 
         let gained = each(|c| step[c] * curvature[c]);
         self.long = self.long.map(|long| -long);
@@ -133,29 +121,32 @@ impl<O: LinearOperator> Method<O> for Spectral<O> {
             ratio(each(|c| step[c] * gained[c]), self.z.dot(&self.y)?)
         };
         self.alpha = each(|c| if next[c] > 0.0 && next[c].is_finite() { next[c] } else { self.alpha[c] });
-        self.residual = self.r.norm_squared()?;
-        self.normal_residual = self.g.projected_norm_squared(&self.x, problem.bounds())?;
+        self.at.take_measure(problem)?;
         self.objectives.rotate_right(1);
-        self.objectives[0] = self.residual;
+        self.objectives[0] = self.at.measure.residual;
         Ok(())
     }
 
     fn solution(&self) -> &O::Domain {
-        &self.x
+        &self.at.x
     }
 
     fn measure(&self) -> Measure {
-        Measure { residual: self.residual, normal_residual: self.normal_residual }
+        self.at.measure
     }
 
     fn residual(&self) -> Option<&O::Range> {
-        Some(&self.r)
+        Some(&self.at.r)
     }
 
     fn memory(&mut self) -> Memory<'_, O> {
-        let mut scalars =
-            vec![&mut self.alpha, &mut self.long, &mut self.residual, &mut self.normal_residual];
+        let mut scalars = vec![
+            &mut self.alpha,
+            &mut self.long,
+            &mut self.at.measure.residual,
+            &mut self.at.measure.normal_residual,
+        ];
         scalars.extend(&mut self.objectives);
-        Memory { domain: vec![&mut self.x, &mut self.g], range: vec![&mut self.r], scalars }
+        Memory { domain: vec![&mut self.at.x, &mut self.at.g], range: vec![&mut self.at.r], scalars }
     }
 }
