@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use super::{job, machine};
 use crate::operator::CpuVector;
-use crate::problem::{Assessment, LightMapOperator, LightMapProblem, Solved};
+use crate::problem::{Assessment, LightMapOperator, LightMapProblem, Solved, Weights};
 use crate::report::{
     Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord,
     ViewMatch,
@@ -102,6 +102,7 @@ impl Findings<'_> {
                 format!("{:.1} % of the painted pixels' light", 100.0 * self.problem.share_from_outside()),
             ),
             ("bounds", bounds(solve)),
+            ("weights", weights(&self.solved.relative_weights)),
             ("metric", format!("{:?}", solve.metric_in_use()).to_lowercase()),
         ]
         .map(|(name, value)| (name.to_owned(), value))
@@ -114,7 +115,9 @@ impl Findings<'_> {
         let [lower, upper] = self.scene.solve.bounds;
         let is_at_bound =
             |texel: &Rgb| (0..3).any(|c| f64::from(texel[c]) <= lower[c] || f64::from(texel[c]) >= upper[c]);
-        let held = self.solved.light_map.iter().filter(|texel| is_at_bound(texel)).count();
+        let reached = self.solved.light_map.iter().zip(&self.coverage.0);
+        let reached = reached.filter(|(_, covered)| covered.iter().any(|&value| value > 0.0));
+        let held = reached.filter(|(texel, _)| is_at_bound(texel)).count();
         Certificate {
             kind: if keeps_bounds { "projected-gradient" } else { "normal-residual" }.to_owned(),
             value: *true_normal_residual,
@@ -225,4 +228,12 @@ fn bounds(solve: &SolveSettings) -> String {
         }
     };
     format!("from {} to {}", words(solve.bounds[0], "any"), words(solve.bounds[1], "any"))
+}
+
+/// The weights as a scene file would give them.
+fn weights(weights: &Weights) -> String {
+    let Weights { tikhonov, gradient, laplacian } = weights;
+    format!(
+        "tikhonov {tikhonov:.3e}, gradient {gradient:.3e}, laplacian {laplacian:.3e}, relative to the columns"
+    )
 }

@@ -53,7 +53,10 @@ pub(super) fn budget(scene: &Scene, problem: &LightMapProblem) -> Result<u64> {
 pub(super) fn settle_metric(scene: &mut Scene, problem: &LightMapProblem) {
     let bytes = metric_bytes(scene, problem);
     if bytes > allowed(scene) / 4 {
-        tracing::info!(bytes, "the metric of tiles is too large; using the separable one");
+        let needed = mebibytes(bytes);
+        tracing::warn!(
+            "solve.metric: the tiles would need {needed}, over a quarter of the memory; using `sqs`"
+        );
         scene.solve.metric = MetricName::Sqs;
     }
 }

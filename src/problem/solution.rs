@@ -18,6 +18,8 @@ pub struct Solved {
     pub outcome: Outcome,
     /// λ of the regularizers.
     pub weights: Weights,
+    /// The same relative to the mean squared column norm, as settings give them.
+    pub relative_weights: Weights,
     /// Applications of the transport before the first iteration: the metric, the choice of λ.
     pub set_up_applications: usize,
     /// The state to continue from.
@@ -80,6 +82,7 @@ pub fn solve(
         light_map,
         outcome,
         weights: system.absolute_weights(),
+        relative_weights: system.relative_weights(),
         set_up_applications: system.applications(),
         state: save(&mut *method)?,
     })

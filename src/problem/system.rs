@@ -64,6 +64,11 @@ impl<'a> System<'a> {
         Weights { tikhonov: square * tikhonov, gradient: square * gradient, laplacian: square * laplacian }
     }
 
+    /// λ relative to the mean squared column norm, as settings give them.
+    pub fn relative_weights(&self) -> Weights {
+        self.weights
+    }
+
     /// [W T E; √λᵢ Rᵢ].
     pub fn operator(&self) -> &Stacked<'a, CpuVector> {
         &self.operator
@@ -113,9 +118,11 @@ impl<'a> System<'a> {
         }
     }
 
-    /// All texels, given the unknown ones.
+    /// All texels, given the unknown ones; the others keep the start, moved into the bounds.
     pub fn all_texels(&self, problem: &LightMapProblem, x: &CpuVector) -> Vec<Rgb> {
-        let mut texels = vec![problem.start; problem.maps.light_map.len()];
+        let mut start = CpuVector(vec![problem.start]);
+        start.clamp(&self.bounds);
+        let mut texels = vec![start.0[0]; problem.maps.light_map.len()];
         self.columns.iter().zip(&x.0).for_each(|(&column, &value)| texels[column as usize] = value);
         texels
     }

@@ -141,7 +141,7 @@ pub struct Certificate {
     pub value: [f64; 3],
     /// `‖b − A x‖` relative to the start, a channel.
     pub residual: [f64; 3],
-    /// Texels with a channel at a bound.
+    /// Reached texels with a channel at a bound.
     pub at_bounds: u64,
     /// How often the method began again, because what it believed had parted from the truth.
     pub restarts: u64,

@@ -65,6 +65,8 @@ pub struct Outcome {
 /// A channel that starts with less than this part of the largest squared norm is measured against that part: its
 /// start is rounding, and cannot be improved on.
 const FLOOR: f64 = 1e-12;
+/// A channel that starts with a residual of so many roundings of its right-hand side is solved.
+const SOLVED: f64 = 8.0;
 /// A true normal residual above the tolerance by more than this factor gives the lie to the recursive one.
 const PARTED: f64 = 1.5;
 
@@ -156,7 +158,14 @@ impl<O: LinearOperator> Judge<'_, O> {
         let before = self.problem.applications();
         method.begin(self.problem, x)?;
         let measure = finite(method.measure(), 0)?;
-        let start = floored(measure);
+        let mut start = floored(measure);
+        let (rhs, rounding) = (self.problem.rhs().norm_squared()?, SOLVED * x.epsilon());
+        for c in 0..3 {
+            // Nothing but rounding is left, and there is nothing to be relative to.
+            if measure.residual[c] <= rounding.powi(2) * rhs[c] {
+                start.normal_residual[c] = f64::INFINITY;
+            }
+        }
         let applications = self.problem.applications() - before;
         Ok(History {
             progress: vec![progress(0, 0.0, applications, measure, &start)],

@@ -67,7 +67,7 @@ fn every_solver_by_its_name_ends_where_the_others_do() {
 }
 
 #[test]
-fn bounds_are_kept_by_every_reached_texel() {
+fn bounds_are_kept_by_every_texel() {
     let desk = Desk::new();
     let (free, _) = solved_with(&desk, &[]);
     let (report, light_map) = solved_with(&desk, &["solve.lower=0.5", "solve.upper=[8, 5, 5]"]);

@@ -149,3 +149,21 @@ fn a_recursion_that_parts_from_the_truth_begins_again() {
         reason => assert!(reason == StopReason::Stagnation || outcome.history.restarts > 0, "{outcome:?}"),
     }
 }
+
+#[test]
+fn a_start_that_is_the_solution_but_for_rounding_is_kept() {
+    let single = Single(Dense::new(random_matrix(50, 20, 9).abs()));
+    let mut start = single.domain();
+    start.fill([0.3, 1.7, 0.9]);
+    let mut b = single.range();
+    single.apply(&start, &mut b).unwrap();
+    // The third channel has something to do.
+    b.0.iter_mut().step_by(3).for_each(|b| b[2] *= 1.5);
+    let problem = LeastSquares::new(&single, &b).bounded(Bounds::NOT_NEGATIVE);
+    for mut method in all(&single) {
+        let outcome = run(&mut *method, &problem, &start, &Limits::new(300, 1e-3));
+        assert!(outcome.history.settled[0] && outcome.history.settled[1], "{}", method.name());
+        assert!(method.solution().0.iter().all(|x| x[0] == 0.3 && x[1] == 1.7), "{}", method.name());
+        assert_eq!(outcome.true_normal_residual[..2], [0.0, 0.0]);
+    }
+}
