@@ -124,9 +124,35 @@ pub enum Error {
         reason: String,
     },
 
-    /// The machine could not do it: threads, memory, adapter.
+    /// The machine could not do it: threads, memory, disk.
     #[error("{0}")]
     Machine(String),
+
+    /// A graphics adapter that is not there, is not enough, or has let the work down.
+    #[error("the adapter `{adapter}` {problem}; {remedy}")]
+    Adapter {
+        /// What it calls itself, or what was asked for.
+        adapter: String,
+        /// What is wrong with it.
+        problem: String,
+        /// What a person can do about it.
+        remedy: &'static str,
+    },
+
+    /// More memory than a graphics adapter has left.
+    #[error("the adapter `{adapter}` has no room for {what}: {needed} are needed beside {held} in use; {remedy}")]
+    AdapterMemory {
+        /// What it calls itself.
+        adapter: String,
+        /// What there is no room for.
+        what: String,
+        /// How much that needs.
+        needed: String,
+        /// How much is in use already.
+        held: String,
+        /// What to lower.
+        remedy: &'static str,
+    },
 }
 
 /// Whose fault an [`Error`] is; the command turns it into its exit code.
@@ -143,7 +169,7 @@ impl Error {
     pub fn fault(&self) -> Fault {
         use std::io::ErrorKind::{FileTooLarge, OutOfMemory, QuotaExceeded, StorageFull};
         match self {
-            Self::Machine(_) => Fault::Machine,
+            Self::Machine(_) | Self::Adapter { .. } | Self::AdapterMemory { .. } => Fault::Machine,
             Self::File { source, .. }
                 if matches!(source.kind(), StorageFull | QuotaExceeded | FileTooLarge | OutOfMemory) =>
             {
@@ -151,6 +177,11 @@ impl Error {
             }
             _ => Fault::Input,
         }
+    }
+
+    /// Whether a graphics adapter is at fault, so that the processor can do without it.
+    pub fn is_of_adapter(&self) -> bool {
+        matches!(self, Self::Adapter { .. } | Self::AdapterMemory { .. })
     }
 
     /// A value at `path` that is not allowed.

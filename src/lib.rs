@@ -3,6 +3,8 @@
 pub mod cli;
 pub mod cpu;
 mod error;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod io;
 pub mod march;
 pub mod operator;

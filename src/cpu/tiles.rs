@@ -2,11 +2,9 @@ use rayon::prelude::*;
 
 use super::rows::{Padded, padded};
 use crate::march::{Real, Weight, channel};
-use crate::operator::{Bounds, CpuVector, Metric, Scalars};
+use crate::operator::{Bounds, CpuVector, Metric, Scalars, TILE_SIDE as SIDE};
 use crate::{Error, Result};
 
-/// Elements along each side of a tile.
-const SIDE: usize = 8;
 /// Rows that are sorted by tile before the tiles add them up.
 const ROWS_AT_ONCE: usize = 4096;
 /// Tiles that one task adds up: enough tasks to share out, few enough that looking for their runs costs little.
@@ -129,6 +127,16 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
     /// Bytes that it takes.
     pub fn bytes(&self) -> u64 {
         self.tiles.iter().map(|tile| size_of_val(&tile.matrix[..]) as u64).sum()
+    }
+
+    /// Its blocks: the unknowns of each tile, and its matrix row by row.
+    pub fn blocks(&self) -> impl Iterator<Item = (&[u32], &[[F; C]])> {
+        let mut order = &self.order[..];
+        self.tiles.iter().map(move |tile| {
+            let (members, others) = order.split_at(tile.inverse.len());
+            order = others;
+            (members, &tile.matrix[..])
+        })
     }
 
     /// Lets every tile compute on its part of v, given which unknowns that are.

@@ -7,16 +7,16 @@ use super::Real;
 pub(super) fn extinguished<F: Real>(s: F) -> F {
     // Cells are thin as a rule; there a few terms are exact and much faster than the library.
     if s < F::of(1.0 / 256.0) {
-        alternating::<F, 5>(s, &POWERS_0)
+        alternating::<F, 5>(s, &SERIES_0)
     } else if s < F::of(1.0 / 16.0) {
-        alternating::<F, 9>(s, &POWERS_0)
+        alternating::<F, 9>(s, &SERIES_0)
     } else {
         -(-s).exp_m1()
     }
 }
 
-/// `1 / (n + 1)!`: M₀ by powers of s.
-const POWERS_0: [f64; 9] = {
+/// `1 / (n + 1)!`: M₀ = ∫₀¹ s e^{−su} du as Σₙ (−1)ⁿ aₙ sⁿ⁺¹.
+pub const SERIES_0: [f64; 9] = {
     let mut terms = [0.0; 9];
     let (mut n, mut factorial) = (0, 1.0);
     while n < terms.len() {
@@ -41,9 +41,9 @@ pub(super) fn moments<F: Real>(s: F) -> [F; 3] {
         return [m0, m1, (m1 + m1 - s * left) / s];
     }
     let m2 = if s < F::of(1.0 / 64.0) {
-        alternating::<F, 6>(s, &POWERS_2)
+        alternating::<F, 6>(s, &SERIES_2)
     } else {
-        alternating::<F, 13>(s, &POWERS_2)
+        alternating::<F, 13>(s, &SERIES_2)
     };
     let half = F::of(0.5);
     let m0 = (s + half * s * s * (F::one() + m2)) / (F::one() + s + half * s * s);
@@ -60,8 +60,8 @@ fn alternating<F: Real, const N: usize>(s: F, coefficients: &[f64]) -> F {
     s * sum
 }
 
-/// `1 / (n! (n + 3))`: M₂ by powers of s.
-const POWERS_2: [f64; 13] = {
+/// `1 / (n! (n + 3))`: M₂ = ∫₀¹ s e^{−su} u² du as Σₙ (−1)ⁿ aₙ sⁿ⁺¹.
+pub const SERIES_2: [f64; 13] = {
     let mut terms = [0.0; 13];
     let (mut n, mut factorial) = (0, 1.0);
     while n < terms.len() {

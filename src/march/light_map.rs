@@ -123,6 +123,19 @@ impl LightMapTraversal {
         std::array::from_fn(|c| all[c] - outside[c])
     }
 
+    /// The part of a row that is walked: from where to where it is over the light map, in metres from the eye.
+    pub fn over_the_map(&self, row: usize) -> Option<[f64; 2]> {
+        let ray = &self.rays[row];
+        self.transport.inside(ray, self.end(ray))
+    }
+
+    /// The part of [a, b] of a row that is over the shadow map; beside it everything is lit.
+    pub fn over_the_shadow_map(&self, row: usize, a: f64, b: f64) -> Option<[f64; 2]> {
+        let grid = self.transport.shadow_map.grid();
+        let [origin, slope] = grid_ray(&self.rays[row], grid);
+        clip(origin.to_array(), slope.to_array(), grid.size.map(|side| side as f64), a, b)
+    }
+
     /// What of a row is walked and what is skipped.
     pub fn extent(&self, row: usize) -> RowExtent {
         let (ray, end) = (&self.rays[row], self.end(&self.rays[row]));

@@ -8,6 +8,7 @@ mod exponential;
 mod light_map;
 mod visibility;
 
+pub use exponential::{SERIES_0, SERIES_2};
 pub use light_map::{LightMapTransport, LightMapTraversal, RowExtent, ViewRay};
 
 /// The floating-point types that traversals and operators compute in.

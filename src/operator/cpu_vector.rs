@@ -1,4 +1,5 @@
 use std::ops::Range;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -105,6 +106,8 @@ fn dot<F: Real>(a: &[[F; 3]], b: &[[F; 3]]) -> Scalars {
 }
 
 impl<F: Real> Vector for CpuVector<F> {
+    type Sum = Scalars;
+
     fn len(&self) -> usize {
         self.0.len()
     }
@@ -185,7 +188,7 @@ impl<F: Real> Vector for CpuVector<F> {
         });
     }
 
-    fn dot(&self, other: &Self) -> Result<Scalars> {
+    fn dot_later(&self, other: &Self) -> Result<Scalars> {
         debug_assert_eq!(self.0.len(), other.0.len());
         Ok(reduce(0..self.0.len(), add, &|piece| dot(&self.0[piece.clone()], &other.0[piece])))
     }
@@ -208,7 +211,7 @@ impl<F: Real> Vector for CpuVector<F> {
         }))
     }
 
-    fn projected_norm_squared(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
+    fn projected_norm_squared_later(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
         let held = holds::<F>(bounds);
         Ok(reduce(0..self.0.len(), add, &|piece| {
             let mut sum = [0.0; 3];
@@ -239,18 +242,42 @@ impl<F: Real> Vector for CpuVector<F> {
     }
 }
 
-impl<F: Real> Indexed for CpuVector<F> {
-    fn pick(&mut self, other: &Self, index: &[u32]) {
-        self.0.par_chunks_mut(PIECE).zip(index.par_chunks(PIECE)).for_each(|(piece, index)| {
-            piece.iter_mut().zip(index).for_each(|(element, &i)| {
-                *element = if i == NOWHERE { [F::zero(); 3] } else { other.0[i as usize] };
-            });
+impl<F: Real> CpuVector<F> {
+    /// Changes every element by what two indices point at in `other`, zero for nowhere.
+    fn look_up(&mut self, other: &Self, a: &[u32], b: &[u32], change: impl Fn(&mut F, F, F) + Sync) {
+        let at = |i: u32| if i == NOWHERE { [F::zero(); 3] } else { other.0[i as usize] };
+        let indices = a.par_chunks(PIECE).zip(b.par_chunks(PIECE));
+        self.0.par_chunks_mut(PIECE).zip(indices).for_each(|(piece, (a, b))| {
+            for ((element, &a), &b) in piece.iter_mut().zip(a).zip(b) {
+                let (a, b) = (at(a), at(b));
+                (0..3).for_each(|c| change(&mut element[c], a[c], b[c]));
+            }
         });
     }
+}
 
-    fn place(&mut self, other: &Self, index: &[u32]) {
+impl<F: Real> Indexed for CpuVector<F> {
+    type Index = Arc<[u32]>;
+
+    fn index(&self, index: &Arc<[u32]>) -> Result<Arc<[u32]>> {
+        Ok(index.clone())
+    }
+
+    fn pick(&mut self, other: &Self, index: &Arc<[u32]>) {
+        self.look_up(other, index, index, |mine, other, _| *mine = other);
+    }
+
+    fn place(&mut self, other: &Self, index: &Arc<[u32]>) {
         self.fill([0.0; 3]);
         index.iter().zip(&other.0).for_each(|(&i, element)| self.0[i as usize] = *element);
+    }
+
+    fn difference(&mut self, x: &Self, heads: &Arc<[u32]>, tails: &Arc<[u32]>) {
+        self.look_up(x, heads, tails, |mine, head, tail| *mine = head - tail);
+    }
+
+    fn divergence(&mut self, y: &Self, into: &Arc<[u32]>, out_of: &Arc<[u32]>) {
+        self.look_up(y, into, out_of, |mine, into, out_of| *mine += into - out_of);
     }
 
     fn zeros(&self, len: usize) -> Self {

@@ -20,16 +20,38 @@ pub use metric::{Metric, Scaling};
 pub use neighbours::{Gradient, Laplacian, Neighbours};
 pub use restricted::Restricted;
 pub use scaled::{Identity, Scaled};
-pub use stacked::{Blocks, Stacked};
+pub use stacked::{BlockSum, Blocks, Stacked};
 pub use weighted::Weighted;
+
+use std::sync::Arc;
 
 use crate::Result;
 
 /// One scalar a colour channel.
 pub type Scalars = [f64; 3];
 
+/// Elements a side of the tiles that a metric of dense blocks is made of.
+pub const TILE_SIDE: usize = 8;
+
+/// A number a channel that may still be under way on a device.
+pub trait Sum {
+    /// Waits for it, and for all that was asked for before it.
+    fn value(self) -> Result<Scalars>;
+}
+
+impl Sum for Scalars {
+    fn value(self) -> Result<Scalars> {
+        Ok(self)
+    }
+}
+
 /// A vector with three channels an element.
+///
+/// What a device is told to do it does later; where it fails, the next method that returns a result says so.
 pub trait Vector: Sized {
+    /// What a sum over the elements is until it is asked for: to ask for several together costs one wait.
+    type Sum: Sum;
+
     /// The number of elements (each of three channels).
     fn len(&self) -> usize;
 
@@ -77,10 +99,20 @@ pub trait Vector: Sized {
     fn largest_step(&self, x: &Self, bounds: &Bounds) -> Result<Scalars>;
 
     /// ‖projected gradient‖² a channel at x, self the gradient: without what [`Vector::hold`] takes away.
-    fn projected_norm_squared(&self, x: &Self, bounds: &Bounds) -> Result<Scalars>;
+    fn projected_norm_squared_later(&self, x: &Self, bounds: &Bounds) -> Result<Self::Sum>;
 
-    /// ⟨self, other⟩ a channel, accumulated in f64 in an order that does not depend on the machine.
-    fn dot(&self, other: &Self) -> Result<Scalars>;
+    /// ⟨self, other⟩ a channel, more accurate than a sum in the precision of the elements, and always in the same order.
+    fn dot_later(&self, other: &Self) -> Result<Self::Sum>;
+
+    /// [`Vector::projected_norm_squared_later`], waited for.
+    fn projected_norm_squared(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
+        self.projected_norm_squared_later(x, bounds)?.value()
+    }
+
+    /// [`Vector::dot_later`], waited for.
+    fn dot(&self, other: &Self) -> Result<Scalars> {
+        self.dot_later(other)?.value()
+    }
 
     /// ‖self‖² a channel.
     fn norm_squared(&self) -> Result<Scalars> {
@@ -109,11 +141,23 @@ pub const NOWHERE: u32 = u32::MAX;
 
 /// Vectors whose elements can be picked out and put back by index.
 pub trait Indexed: Vector {
-    /// `self[k] ← other[index[k]]`, 0 where the index is [`NOWHERE`].
-    fn pick(&mut self, other: &Self, index: &[u32]);
+    /// Indices where the vector lives.
+    type Index: std::fmt::Debug;
 
-    /// `self ← 0`, but `self[index[k]] ← other[k]`.
-    fn place(&mut self, other: &Self, index: &[u32]);
+    /// Brings indices to where the vector lives.
+    fn index(&self, index: &Arc<[u32]>) -> Result<Self::Index>;
+
+    /// `self[k] ← other[index[k]]`, 0 where the index is [`NOWHERE`].
+    fn pick(&mut self, other: &Self, index: &Self::Index);
+
+    /// `self ← 0`, but `self[index[k]] ← other[k]`; no index comes twice.
+    fn place(&mut self, other: &Self, index: &Self::Index);
+
+    /// `self[k] ← x[heads[k]] − x[tails[k]]`.
+    fn difference(&mut self, x: &Self, heads: &Self::Index, tails: &Self::Index);
+
+    /// `self[k] ← self[k] + y[into[k]] − y[out_of[k]]`, with 0 for what is [`NOWHERE`].
+    fn divergence(&mut self, y: &Self, into: &Self::Index, out_of: &Self::Index);
 
     /// A new vector of `len` elements, all zero, where this one lives.
     fn zeros(&self, len: usize) -> Self;

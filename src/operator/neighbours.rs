@@ -14,11 +14,11 @@ use crate::{Error, Result};
 pub struct Neighbours {
     elements: usize,
     /// The unknown at the beginning of each edge, and the one at its end, one further along an axis.
-    tails: Vec<u32>,
-    heads: Vec<u32>,
+    tails: Arc<[u32]>,
+    heads: Arc<[u32]>,
     /// For every axis and unknown the edge that ends there, and the one that begins there, or [`NOWHERE`].
-    into: Vec<Vec<u32>>,
-    out_of: Vec<Vec<u32>>,
+    into: Vec<Arc<[u32]>>,
+    out_of: Vec<Arc<[u32]>>,
 }
 
 impl Neighbours {
@@ -49,11 +49,11 @@ impl Neighbours {
                 tails.push(tail);
                 heads.push(head);
             }
-            into.push(ends);
-            out_of.push(begins);
+            into.push(ends.into());
+            out_of.push(begins.into());
             stride *= side;
         }
-        Ok(Self { elements: columns.len(), tails, heads, into, out_of })
+        Ok(Self { elements: columns.len(), tails: tails.into(), heads: heads.into(), into, out_of })
     }
 
     /// The number of pairs.
@@ -64,7 +64,7 @@ impl Neighbours {
     /// How many neighbours each unknown has.
     pub fn degrees(&self) -> Vec<u32> {
         let mut degrees = vec![0; self.elements];
-        self.tails.iter().chain(&self.heads).for_each(|&element| degrees[element as usize] += 1);
+        self.tails.iter().chain(&*self.heads).for_each(|&element| degrees[element as usize] += 1);
         degrees
     }
 
@@ -72,7 +72,7 @@ impl Neighbours {
     pub fn laplacian_majorizer(&self) -> Vec<f64> {
         let degrees: Vec<f64> = self.degrees().into_iter().map(f64::from).collect();
         let mut sums: Vec<f64> = degrees.iter().map(|degree| 2.0 * degree * degree).collect();
-        for (&tail, &head) in self.tails.iter().zip(&self.heads) {
+        for (&tail, &head) in self.tails.iter().zip(&*self.heads) {
             sums[tail as usize] += 2.0 * degrees[head as usize];
             sums[head as usize] += 2.0 * degrees[tail as usize];
         }
@@ -87,16 +87,30 @@ impl Neighbours {
 
 /// x_head − x_tail for every pair of neighbours.
 #[derive(Debug)]
-pub struct Gradient<V> {
+pub struct Gradient<V: Indexed> {
     neighbours: Arc<Neighbours>,
-    scratch: RefCell<[V; 2]>,
+    prototype: V,
+    tails: V::Index,
+    heads: V::Index,
+    /// Of each axis the edges that end at an element, and those that begin there.
+    axes: Vec<[V::Index; 2]>,
 }
 
 impl<V: Indexed> Gradient<V> {
     /// On vectors that live where `prototype` does.
-    pub fn new(neighbours: Arc<Neighbours>, prototype: &V) -> Self {
-        let scratch = [prototype.zeros(neighbours.edges()), prototype.zeros(neighbours.elements)];
-        Self { neighbours, scratch: RefCell::new(scratch) }
+    ///
+    /// Errors: where there is no room for the indices.
+    pub fn new(neighbours: Arc<Neighbours>, prototype: &V) -> Result<Self> {
+        let axes = neighbours.into.iter().zip(&neighbours.out_of);
+        Ok(Self {
+            tails: prototype.index(&neighbours.tails)?,
+            heads: prototype.index(&neighbours.heads)?,
+            axes: axes
+                .map(|(into, out_of)| Ok([prototype.index(into)?, prototype.index(out_of)?]))
+                .collect::<Result<_>>()?,
+            prototype: prototype.zeros(0),
+            neighbours,
+        })
     }
 }
 
@@ -105,51 +119,44 @@ impl<V: Indexed> LinearOperator for Gradient<V> {
     type Range = V;
 
     fn domain(&self) -> V {
-        self.scratch.borrow()[1].zeros_like()
+        self.prototype.zeros(self.neighbours.elements)
     }
 
     fn range(&self) -> V {
-        self.scratch.borrow()[0].zeros_like()
+        self.prototype.zeros(self.neighbours.edges())
     }
 
     fn apply(&self, x: &V, y: &mut V) -> Result<()> {
         super::expect_len("x", x, self.neighbours.elements)?;
         super::expect_len("y", y, self.neighbours.edges())?;
-        let [at_tails, _] = &mut *self.scratch.borrow_mut();
-        y.pick(x, &self.neighbours.heads);
-        at_tails.pick(x, &self.neighbours.tails);
-        y.axpby([-1.0; 3], at_tails, [1.0; 3]);
+        y.difference(x, &self.heads, &self.tails);
         Ok(())
     }
 
     fn apply_adjoint(&self, y: &V, x: &mut V) -> Result<()> {
         super::expect_len("x", x, self.neighbours.elements)?;
         super::expect_len("y", y, self.neighbours.edges())?;
-        let [_, along_axis] = &mut *self.scratch.borrow_mut();
         x.fill([0.0; 3]);
-        for (into, out_of) in self.neighbours.into.iter().zip(&self.neighbours.out_of) {
-            for (edges, sign) in [(into, 1.0), (out_of, -1.0)] {
-                along_axis.pick(y, edges);
-                x.axpby([sign; 3], along_axis, [1.0; 3]);
-            }
-        }
+        self.axes.iter().for_each(|[into, out_of]| x.divergence(y, into, out_of));
         Ok(())
     }
 }
 
 /// For every element the sum of its differences to its neighbours: Gᵀ G, the Laplacian with its sign turned.
 #[derive(Debug)]
-pub struct Laplacian<V> {
+pub struct Laplacian<V: Indexed> {
     gradient: Gradient<V>,
     differences: RefCell<V>,
 }
 
 impl<V: Indexed> Laplacian<V> {
     /// On vectors that live where `prototype` does.
-    pub fn new(neighbours: Arc<Neighbours>, prototype: &V) -> Self {
-        let gradient = Gradient::new(neighbours, prototype);
+    ///
+    /// Errors: where there is no room for the indices.
+    pub fn new(neighbours: Arc<Neighbours>, prototype: &V) -> Result<Self> {
+        let gradient = Gradient::new(neighbours, prototype)?;
         let differences = RefCell::new(gradient.range());
-        Self { gradient, differences }
+        Ok(Self { gradient, differences })
     }
 }
 

@@ -1,4 +1,5 @@
 use std::cell::RefCell;
+use std::sync::Arc;
 
 use super::{Indexed, LinearOperator, Vector};
 use crate::{Error, Result};
@@ -7,9 +8,10 @@ use crate::{Error, Result};
 ///
 /// Solvers see vectors of the unknown elements only; one full vector is kept here to talk to `T`.
 #[derive(Debug)]
-pub struct Restricted<T: LinearOperator> {
+pub struct Restricted<T: LinearOperator<Domain: Indexed>> {
     operator: T,
-    columns: Vec<u32>,
+    columns: Arc<[u32]>,
+    index: <T::Domain as Indexed>::Index,
     full: RefCell<T::Domain>,
 }
 
@@ -17,13 +19,15 @@ impl<T: LinearOperator<Domain: Indexed>> Restricted<T> {
     /// The columns named by `columns`, in that order.
     ///
     /// Errors: [`Error::Value`] for an index that is not a column or does not increase.
-    pub fn new(operator: T, columns: Vec<u32>) -> Result<Self> {
+    pub fn new(operator: T, columns: impl Into<Arc<[u32]>>) -> Result<Self> {
+        let columns = columns.into();
         let full = operator.domain();
         let increasing = columns.windows(2).all(|pair| pair[0] < pair[1]);
         if !increasing || columns.last().is_some_and(|&last| last as usize >= full.len()) {
             return Err(Error::value("columns", columns.len(), "increasing indices of columns"));
         }
-        Ok(Self { operator, columns, full: RefCell::new(full) })
+        let index = full.index(&columns)?;
+        Ok(Self { operator, columns, index, full: RefCell::new(full) })
     }
 
     /// The operator with all its columns.
@@ -39,7 +43,7 @@ impl<T: LinearOperator<Domain: Indexed>> Restricted<T> {
     /// The unknown elements of a full vector.
     pub fn pick(&self, full: &T::Domain) -> T::Domain {
         let mut picked = self.domain();
-        picked.pick(full, &self.columns);
+        picked.pick(full, &self.index);
         picked
     }
 }
@@ -59,7 +63,7 @@ impl<T: LinearOperator<Domain: Indexed>> LinearOperator for Restricted<T> {
     fn apply(&self, x: &T::Domain, y: &mut T::Range) -> Result<()> {
         super::expect_len("x", x, self.columns.len())?;
         let mut full = self.full.borrow_mut();
-        full.place(x, &self.columns);
+        full.place(x, &self.index);
         self.operator.apply(&full, y)
     }
 
@@ -67,7 +71,7 @@ impl<T: LinearOperator<Domain: Indexed>> LinearOperator for Restricted<T> {
         super::expect_len("x", x, self.columns.len())?;
         let mut full = self.full.borrow_mut();
         self.operator.apply_adjoint(y, &mut full)?;
-        x.pick(&full, &self.columns);
+        x.pick(&full, &self.index);
         Ok(())
     }
 }

@@ -1,7 +1,10 @@
 use std::cell::RefCell;
 
-use super::{Bounds, LinearOperator, Scalars, Vector};
+use super::{Bounds, LinearOperator, Scalars, Sum, Vector};
 use crate::{Error, Result};
+
+/// Blocks of a stack at most: the data and what may regularize them.
+const MOST_BLOCKS: usize = 8;
 
 /// [A; B; …]: operators on the same unknowns, one above the other.
 ///
@@ -20,8 +23,11 @@ impl<'a, V: Vector> Stacked<'a, V> {
 
     /// The same with another operator below.
     ///
-    /// Errors: [`Error::Shape`] when it acts on another number of unknowns.
+    /// Errors: [`Error::Shape`] when it acts on another number of unknowns, or is one too many.
     pub fn over(mut self, lower: impl LinearOperator<Domain = V, Range = V> + 'a) -> Result<Self> {
+        if self.blocks.len() == MOST_BLOCKS {
+            return Err(Error::Shape { what: "a stack (blocks)", expected: MOST_BLOCKS, got: MOST_BLOCKS + 1 });
+        }
         super::expect_len("the lower operator's domain", &lower.domain(), self.scratch.borrow().len())?;
         self.blocks.push(Box::new(lower));
         Ok(self)
@@ -91,15 +97,31 @@ impl<V: Vector> Blocks<V> {
         self.0.iter_mut().zip(&other.0)
     }
 
-    fn sum(&self, part: impl Fn(usize, &V) -> Result<Scalars>) -> Result<Scalars> {
-        self.0.iter().enumerate().try_fold([0.0; 3], |sum, (index, block)| {
-            let part = part(index, block)?;
+    fn sum(&self, part: impl Fn(usize, &V) -> Result<V::Sum>) -> Result<BlockSum<V::Sum>> {
+        let mut parts = [const { None }; MOST_BLOCKS];
+        for (index, block) in self.0.iter().enumerate() {
+            parts[index] = Some(part(index, block)?);
+        }
+        Ok(BlockSum(parts))
+    }
+}
+
+/// The sum over all blocks, each of them under way; it takes no memory.
+#[derive(Debug)]
+pub struct BlockSum<S>([Option<S>; MOST_BLOCKS]);
+
+impl<S: Sum> Sum for BlockSum<S> {
+    fn value(self) -> Result<Scalars> {
+        self.0.into_iter().flatten().try_fold([0.0; 3], |sum, part| {
+            let part = part.value()?;
             Ok(std::array::from_fn(|c| sum[c] + part[c]))
         })
     }
 }
 
 impl<V: Vector> Vector for Blocks<V> {
+    type Sum = BlockSum<V::Sum>;
+
     fn len(&self) -> usize {
         self.0.iter().map(V::len).sum()
     }
@@ -155,12 +177,12 @@ impl<V: Vector> Vector for Blocks<V> {
         })
     }
 
-    fn projected_norm_squared(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
-        self.sum(|index, block| block.projected_norm_squared(&x.0[index], bounds))
+    fn projected_norm_squared_later(&self, x: &Self, bounds: &Bounds) -> Result<Self::Sum> {
+        self.sum(|index, block| block.projected_norm_squared_later(&x.0[index], bounds))
     }
 
-    fn dot(&self, other: &Self) -> Result<Scalars> {
-        self.sum(|index, block| block.dot(&other.0[index]))
+    fn dot_later(&self, other: &Self) -> Result<Self::Sum> {
+        self.sum(|index, block| block.dot_later(&other.0[index]))
     }
 
     fn upper_norm_squared(&self) -> Result<Scalars> {

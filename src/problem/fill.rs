@@ -18,13 +18,13 @@ pub(super) fn fill(problem: &LightMapProblem, reached: &[u32], texels: Vec<Rgb>)
     let mut is_reached = vec![false; texels.len()];
     reached.iter().for_each(|&texel| is_reached[texel as usize] = true);
     let all: Vec<u32> = (0..texels.len() as u32).collect();
-    let empty: Vec<u32> = all.iter().copied().filter(|&texel| !is_reached[texel as usize]).collect();
+    let empty: Arc<[u32]> = all.iter().copied().filter(|&texel| !is_reached[texel as usize]).collect();
     if empty.is_empty() {
         return Ok(texels);
     }
     let begun = nearest_mean(&texels, &is_reached, size);
     let texels = CpuVector(texels);
-    let gradient = Gradient::new(Arc::new(Neighbours::new(&size, &all)?), &texels);
+    let gradient = Gradient::new(Arc::new(Neighbours::new(&size, &all)?), &texels)?;
     // min ‖G (E y + x)‖² over the empty texels y, x being zero there.
     let mut known = texels.clone();
     let mut rhs = gradient.range();

@@ -171,8 +171,8 @@ impl<'a> System<'a> {
         let neighbours = Arc::new(Neighbours::new(&problem.maps.light_map.size, &self.columns)?);
         Ok(Regularizers {
             tikhonov: Identity::scaled(&self.start, [1.0; 3]),
-            gradient: Gradient::new(neighbours.clone(), &self.start),
-            laplacian: Laplacian::new(neighbours.clone(), &self.start),
+            gradient: Gradient::new(neighbours.clone(), &self.start)?,
+            laplacian: Laplacian::new(neighbours.clone(), &self.start)?,
             neighbours,
         })
     }

@@ -9,7 +9,7 @@
 //! Source        Hestenes and Stiefel 1952; Björck 1996, algorithm 7.4.1; clamp: Klehm 2015, sec. 7.4.2.
 
 use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, each, ratio};
-use crate::operator::{LinearOperator, Scalars, Vector};
+use crate::operator::{LinearOperator, Scalars, Sum, Vector};
 use crate::{Error, Result};
 
 /// Part of its start below which ‖s‖² is rounding at any precision, and further steps would only underflow.
@@ -67,16 +67,18 @@ impl<O: LinearOperator> Cgls<O> {
     /// s, z and what follows from them, of the present r; gives ⟨s, z⟩.
     fn look(&mut self, problem: &LeastSquares<O>) -> Result<Scalars> {
         problem.apply_adjoint(&self.r, &mut self.s)?;
-        self.residual = self.r.norm_squared()?;
-        self.normal_residual = if self.clamped {
+        let residual = self.r.dot_later(&self.r)?;
+        let normal_residual = if self.clamped {
             self.z.axpby([-1.0; 3], &self.s, [0.0; 3]);
-            self.z.projected_norm_squared(&self.x, problem.bounds())?
+            self.z.projected_norm_squared_later(&self.x, problem.bounds())?
         } else {
-            self.s.norm_squared()?
+            self.s.dot_later(&self.s)?
         };
         self.z.copy_from(&self.s);
         problem.shrink(&mut self.z);
-        self.s.dot(&self.z)
+        let gamma = self.s.dot_later(&self.z)?;
+        (self.residual, self.normal_residual) = (residual.value()?, normal_residual.value()?);
+        gamma.value()
     }
 
     /// alpha = ⟨s, z⟩ / ‖A p‖²; zero for a channel whose normal residual is gone but for rounding.

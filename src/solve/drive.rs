@@ -2,7 +2,7 @@ use std::time::Instant;
 
 use super::stop::Progressing;
 use super::{Control, LeastSquares, Limits, Live, Measure, Method, Stop, StopReason};
-use crate::operator::{Bounds, LinearOperator, Scalars, Vector, expect_len};
+use crate::operator::{Bounds, LinearOperator, Scalars, Sum, Vector, expect_len};
 use crate::{Error, Result};
 
 /// Where a solve is after an iteration.
@@ -238,10 +238,9 @@ impl<O: LinearOperator> Judge<'_, O> {
         self.problem.residual(method.solution(), &mut self.r)?;
         self.problem.gradient(&self.r, &mut self.s)?;
         let bounds = if method.keeps_bounds() { self.problem.bounds() } else { &Bounds::NONE };
-        let truth = Measure {
-            residual: self.r.norm_squared()?,
-            normal_residual: self.s.projected_norm_squared(method.solution(), bounds)?,
-        };
+        let residual = self.r.dot_later(&self.r)?;
+        let normal_residual = self.s.projected_norm_squared_later(method.solution(), bounds)?;
+        let truth = Measure { residual: residual.value()?, normal_residual: normal_residual.value()? };
         let (true_residual, true_normal_residual) = relative(&truth, &history.start);
         let iteration = history.progress.last().map_or(0, |last| last.iteration);
         Ok(Outcome {

@@ -15,7 +15,7 @@
 use super::iterate::Iterate;
 use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, each};
 use crate::Result;
-use crate::operator::{LinearOperator, Scalars, Vector};
+use crate::operator::{LinearOperator, Scalars, Sum, Vector};
 
 /// By how much ‖A d‖² may exceed its bound through rounding.
 const ROUNDING: f64 = 1e-3;
@@ -99,33 +99,42 @@ impl<O: LinearOperator> Method<O> for Fista<O> {
 
         // d = y − x₊ takes the place of y, D d that of the gradient at y.
         self.x_before.axpby([-1.0; 3], &self.next, [1.0; 3]);
-        let (before, after) = (self.g_before.dot(&self.x_before)?, self.g_next.dot(&self.x_before)?);
+        let along = match problem.is_majorized() {
+            true => None,
+            false => Some([self.g_before.dot_later(&self.x_before)?, self.g_next.dot_later(&self.x_before)?]),
+        };
         self.g_before.copy_from(&self.x_before);
         problem.stretch(&mut self.g_before);
-        let length = self.g_before.dot(&self.x_before)?;
-        let curvature = each(|c| before[c] - after[c]);
-        let too_long: Live = std::array::from_fn(|c| {
-            live[c] && curvature[c] > (1.0 + ROUNDING) * self.norm[c] * length[c] && length[c] > 0.0
-        });
-        if !problem.is_majorized() && too_long.contains(&true) {
-            for c in (0..3).filter(|&c| too_long[c]) {
-                self.norm[c] = curvature[c] / length[c];
+        if let Some([before, after]) = along {
+            let length = self.g_before.dot(&self.x_before)?;
+            let (before, after) = (before.value()?, after.value()?);
+            let curvature = each(|c| before[c] - after[c]);
+            let too_long: Live = std::array::from_fn(|c| {
+                live[c] && curvature[c] > (1.0 + ROUNDING) * self.norm[c] * length[c] && length[c] > 0.0
+            });
+            if too_long.contains(&true) {
+                for c in (0..3).filter(|&c| too_long[c]) {
+                    self.norm[c] = curvature[c] / length[c];
+                }
+                // Once more, from x and without momentum.
+                self.t = [1.0; 3];
+                return self.step(problem, live);
             }
-            // Once more, from x and without momentum.
-            self.t = [1.0; 3];
-            return self.step(problem, live);
         }
-        let (forth, back) = (self.g_before.dot(&self.next)?, self.g_before.dot(&self.at.x)?);
-        let objective = self.at.r.norm_squared()?;
-        let rounding = 1.0 + 8.0 * self.at.x.epsilon();
-        let turns = |c: usize| forth[c] > back[c] || objective[c] > rounding * self.at.measure.residual[c];
-        self.t = each(|c| if turns(c) { 1.0 } else { t[c] });
+        let (forth, back) = (self.g_before.dot_later(&self.next)?, self.g_before.dot_later(&self.at.x)?);
+        let before = self.at.measure.residual;
 
         std::mem::swap(&mut self.at.x, &mut self.x_before);
         std::mem::swap(&mut self.at.x, &mut self.next);
         std::mem::swap(&mut self.at.g, &mut self.g_before);
         std::mem::swap(&mut self.at.g, &mut self.g_next);
-        self.at.take_measure(problem)
+        self.at.take_measure(problem)?;
+        let (forth, back) = (forth.value()?, back.value()?);
+        let objective = self.at.measure.residual;
+        let rounding = 1.0 + 8.0 * self.at.x.epsilon();
+        let turns = |c: usize| forth[c] > back[c] || objective[c] > rounding * before[c];
+        self.t = each(|c| if turns(c) { 1.0 } else { t[c] });
+        Ok(())
     }
 
     fn solution(&self) -> &O::Domain {

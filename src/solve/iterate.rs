@@ -1,6 +1,6 @@
 use super::{LeastSquares, Measure};
 use crate::Result;
-use crate::operator::{LinearOperator, Vector};
+use crate::operator::{LinearOperator, Sum, Vector};
 
 /// Where a method within bounds stands: x, and what is known there.
 pub(super) struct Iterate<O: LinearOperator> {
@@ -44,10 +44,9 @@ impl<O: LinearOperator> Iterate<O> {
 
     /// The measure, given x, r and g.
     pub(super) fn take_measure(&mut self, problem: &LeastSquares<O>) -> Result<()> {
-        self.measure = Measure {
-            residual: self.r.norm_squared()?,
-            normal_residual: self.g.projected_norm_squared(&self.x, problem.bounds())?,
-        };
+        let residual = self.r.dot_later(&self.r)?;
+        let normal_residual = self.g.projected_norm_squared_later(&self.x, problem.bounds())?;
+        self.measure = Measure { residual: residual.value()?, normal_residual: normal_residual.value()? };
         Ok(())
     }
 }

@@ -1,7 +1,7 @@
 use std::cell::Cell;
 
 use crate::Result;
-use crate::operator::{Bounds, LinearOperator, Metric, Scalars, Vector, expect_len};
+use crate::operator::{Bounds, LinearOperator, Metric, Scalars, Sum, Vector, expect_len};
 
 /// `min ½‖A x − b‖², l ≤ x ≤ u`, channel by channel; it counts how often its operator is applied.
 pub struct LeastSquares<'a, O: LinearOperator> {
@@ -124,7 +124,8 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
         z.copy_from(g);
         self.shrink(z);
         self.apply(z, image)?;
-        let (curvature, length) = (image.norm_squared()?, z.dot(g)?);
+        let (curvature, length) = (image.dot_later(image)?, z.dot_later(g)?);
+        let (curvature, length) = (curvature.value()?, length.value()?);
         Ok(std::array::from_fn(|c| if curvature[c] > 0.0 { curvature[c] / length[c] } else { 1.0 }))
     }
 

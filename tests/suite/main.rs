@@ -8,6 +8,8 @@
 #![allow(missing_docs, unreachable_pub, reason = "nothing here is public")]
 
 mod command;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod layers;
 mod mutation;
 mod operator;

@@ -19,3 +19,9 @@ pub const SCIPY_OBJECTIVE: f64 = 1e-5;
 
 /// x against SciPy's where the data determine it, relative to its largest element.
 pub const SCIPY_X: f64 = 1e-4;
+
+/// One operation on elements in f32 on a device: it may round, contract and divide (2.5 units) otherwise than the host.
+pub const DEVICE_ELEMENT: f64 = 4e-7;
+
+/// A sum on a device, relative to the sum of its terms' magnitudes: some of its thirteen roundings in f32 a piece.
+pub const DEVICE_SUM: f64 = 2e-7;

@@ -19,8 +19,8 @@ fn operators() -> (Arc<Neighbours>, Gradient<CpuVector<f64>>, Laplacian<CpuVecto
     let prototype = CpuVector::<f64>::zeros(COLUMNS.len());
     (
         neighbours.clone(),
-        Gradient::new(neighbours.clone(), &prototype),
-        Laplacian::new(neighbours, &prototype),
+        Gradient::new(neighbours.clone(), &prototype).unwrap(),
+        Laplacian::new(neighbours, &prototype).unwrap(),
     )
 }
 
@@ -80,7 +80,7 @@ fn their_majorizers_are_the_sums_of_absolute_values() {
     let volume = Neighbours::new(&[2, 2, 2], &[0, 1, 2, 3, 4, 5, 6, 7]).unwrap();
     assert_eq!((volume.edges(), volume.degrees()), (12, vec![3; 8]));
     let mut picked = CpuVector::<f64>::zeros(2);
-    picked.pick(&CpuVector(vec![[1.0; 3], [2.0; 3]]), &[1, u32::MAX]);
+    picked.pick(&CpuVector(vec![[1.0; 3], [2.0; 3]]), &vec![1, u32::MAX].into());
     assert_eq!(picked.0, [[2.0; 3], [0.0; 3]]);
 }
 
@@ -115,7 +115,7 @@ fn a_chosen_weight_is_about_as_good_as_the_best() {
         let columns: Vec<u32> = (0..40).collect();
         let neighbours = Arc::new(Neighbours::new(&[40], &columns).unwrap());
         let identity = Identity::scaled(&dense.domain(), [1.0; 3]);
-        let gradient = Gradient::new(neighbours, &dense.domain());
+        let gradient = Gradient::new(neighbours, &dense.domain()).unwrap();
         let problem = LeastSquares::new(&dense, &b);
         let operators: [&dyn LinearOperator<Domain = _, Range = _>; 2] = [&identity, &gradient];
         let matrices = [explicit(&identity), explicit(&gradient)];

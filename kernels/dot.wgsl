@@ -1,0 +1,13 @@
+// ⟨x, y⟩
+@group(0) @binding(2) var<storage, read> x: array<f32>;
+@group(0) @binding(3) var<storage, read> y: array<f32>;
+
+const NONE: f32 = 0.0;
+
+fn together(a: f32, b: f32) -> f32 {
+    return a + b;
+}
+
+fn term(i: u32, channel: u32) -> f32 {
+    return x[i] * y[i];
+}

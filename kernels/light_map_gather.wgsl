@@ -1,0 +1,42 @@
+// y ← T x: one invocation walks one ray.
+@group(0) @binding(1) var<storage, read_write> y: array<f32>;
+@group(0) @binding(2) var<storage, read> x: array<f32>;
+
+// Sums of a few dozen visits, and the sum of those: fewer roundings than one long sum.
+var<private> part: vec3<f32>;
+var<private> total: vec3<f32>;
+var<private> visits: u32;
+
+fn visit(texel: vec2<i32>, weight: Weight) {
+    let e = local_element(texel);
+    if e < parameters.x_len {
+        for (var c = 0u; c < CHANNELS; c++) {
+            part[c] += channel_of(weight, parameters.channel + c) * x[c * parameters.x_stride + e];
+        }
+        visits++;
+        if (visits & 31u) == 0u {
+            total += part;
+            part = vec3(0.0);
+        }
+    }
+}
+
+@compute @workgroup_size(RAYS)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= parameters.rows {
+        return;
+    }
+    part = vec3(0.0);
+    total = vec3(0.0);
+    visits = 0u;
+    walk(id.x);
+    total += part;
+    for (var c = 0u; c < CHANNELS; c++) {
+        let i = c * parameters.y_stride + parameters.y_first + id.x;
+        if parameters.again != 0u {
+            y[i] += total[c];
+        } else {
+            y[i] = total[c];
+        }
+    }
+}

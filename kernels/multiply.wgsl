@@ -1,0 +1,6 @@
+// mine ← mine ∘ x
+@group(0) @binding(2) var<storage, read> x: array<f32>;
+
+fn change(k: u32, i: u32, plane: u32, channel: u32) {
+    mine[i] = mine[i] * x[i];
+}

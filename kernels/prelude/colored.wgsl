@@ -1,0 +1,31 @@
+// One weight a channel.
+alias Weight = vec3<f32>;
+
+struct Moments {
+    m0: Weight,
+    m1: Weight,
+    m2: Weight,
+}
+
+fn weight_of(v: vec3<f32>) -> Weight {
+    return v;
+}
+
+fn all_extinguished(s: Weight) -> Weight {
+    return vec3(extinguished(s.x), extinguished(s.y), extinguished(s.z));
+}
+
+fn all_moments(s: Weight) -> Moments {
+    let r = moments(s.x);
+    let g = moments(s.y);
+    let b = moments(s.z);
+    return Moments(vec3(r.x, g.x, b.x), vec3(r.y, g.y, b.y), vec3(r.z, g.z, b.z));
+}
+
+fn is_positive(weight: Weight) -> bool {
+    return any(weight > Weight(0.0));
+}
+
+fn channel_of(weight: Weight, channel: u32) -> f32 {
+    return weight[channel];
+}

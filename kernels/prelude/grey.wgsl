@@ -1,0 +1,29 @@
+// One weight for all channels.
+alias Weight = f32;
+
+struct Moments {
+    m0: Weight,
+    m1: Weight,
+    m2: Weight,
+}
+
+fn weight_of(v: vec3<f32>) -> Weight {
+    return v.x;
+}
+
+fn all_extinguished(s: Weight) -> Weight {
+    return extinguished(s);
+}
+
+fn all_moments(s: Weight) -> Moments {
+    let m = moments(s);
+    return Moments(m.x, m.y, m.z);
+}
+
+fn is_positive(weight: Weight) -> bool {
+    return weight > 0.0;
+}
+
+fn channel_of(weight: Weight, channel: u32) -> f32 {
+    return weight;
+}

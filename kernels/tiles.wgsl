@@ -1,0 +1,145 @@
+// The metric of dense tiles; twin of src/cpu/tiles.rs. One workgroup takes one tile, one lane one unknown of it.
+// OPERATION chooses: 0 stretch v ← M v; 1 shrink v ← S⁻¹ v by a symmetric sweep of Gauss and Seidel; 2 descend, the same from
+// a separable step within bounds.
+
+struct Tiles {
+    tiles: u32,
+    stride: u32,
+    channel: u32,
+    pad: u32,
+    lower: vec4<f32>,
+    upper: vec4<f32>,
+    // 1 / norm
+    shorter: vec4<f32>,
+}
+
+@group(0) @binding(0) var<uniform> params: Tiles;
+@group(0) @binding(1) var<storage, read_write> v: array<f32>;
+@group(0) @binding(2) var<storage, read> y: array<f32>;
+// Of each tile: where its matrix begins, its members begin, how many they are.
+@group(0) @binding(3) var<storage, read> tiles: array<vec4<u32>>;
+@group(0) @binding(4) var<storage, read> members: array<u32>;
+@group(0) @binding(5) var<storage, read> matrices: array<f32>;
+
+var<workgroup> exchange: array<vec3<f32>, TILE>;
+var<workgroup> change: array<vec3<f32>, 2>;
+
+fn colors(i: u32) -> vec3<f32> {
+    var value = vec3(0.0);
+    for (var c = 0u; c < CHANNELS; c++) {
+        value[c] = v[c * params.stride + i];
+    }
+    return value;
+}
+
+// Entry (row, column) of a tile; matrices are symmetric, so lanes read along a row side by side.
+fn entry(tile: vec4<u32>, k: u32, lane: u32) -> vec3<f32> {
+    let i = tile.x + k * tile.z + lane;
+    if COLORED {
+        var w = vec3(0.0);
+        for (var c = 0u; c < CHANNELS; c++) {
+            w[c] = matrices[3u * i + params.channel + c];
+        }
+        return w;
+    }
+    return vec3(matrices[i]);
+}
+
+fn reciprocal(w: vec3<f32>) -> vec3<f32> {
+    return select(1.0 / w, vec3(0.0), w <= vec3(0.0));
+}
+
+@compute @workgroup_size(TILE)
+fn main(
+    @builtin(local_invocation_id) local: vec3<u32>,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let lane = local.x;
+    let number = group.y * groups.x + group.x;
+    if number >= params.tiles {
+        return;
+    }
+    let tile = tiles[number];
+    let side = tile.z;
+    let is_member = lane < side;
+    let i = members[tile.y + min(lane, side - 1u)];
+    var g = vec3(0.0);
+    if is_member {
+        g = colors(i);
+    }
+    var d = vec3(0.0);
+    // (M d)_lane
+    var slope = vec3(0.0);
+
+    if OPERATION == 0 {
+        exchange[lane] = g;
+        workgroupBarrier();
+        if is_member {
+            for (var k = 0u; k < side; k++) {
+                slope += entry(tile, k, lane) * exchange[k];
+            }
+        }
+        g = slope;
+    } else {
+        var least = vec3(-HUGE);
+        var most = vec3(HUGE);
+        var at = vec3(0.0);
+        if OPERATION == 1 {
+            // For −v the least is at M⁻¹ v.
+            g = -g;
+        } else {
+            for (var c = 0u; c < CHANNELS; c++) {
+                g[c] *= params.shorter[params.channel + c];
+                at[c] = y[c * params.stride + i];
+                least[c] = params.lower[params.channel + c] - at[c];
+                most[c] = params.upper[params.channel + c] - at[c];
+            }
+            var sum = vec3(0.0);
+            if is_member {
+                for (var k = 0u; k < side; k++) {
+                    sum += entry(tile, k, lane);
+                }
+            }
+            d = min(max(-g * reciprocal(sum), least), most);
+            if !is_member {
+                d = vec3(0.0);
+            }
+            exchange[lane] = d;
+            workgroupBarrier();
+            if is_member {
+                for (var k = 0u; k < side; k++) {
+                    slope += entry(tile, k, lane) * exchange[k];
+                }
+            }
+        }
+        var inverse = vec3(0.0);
+        if is_member {
+            inverse = reciprocal(entry(tile, lane, lane));
+        }
+        for (var n = 0u; n < 2u * side; n++) {
+            let k = select(2u * side - 1u - n, n, n < side);
+            if lane == k {
+                let moved = min(max(d - (g + slope) * inverse, least), most);
+                change[n & 1u] = moved - d;
+                d = moved;
+            }
+            workgroupBarrier();
+            if is_member {
+                slope += entry(tile, k, lane) * change[n & 1u];
+            }
+        }
+        g = d;
+        if OPERATION == 2 {
+            for (var c = 0u; c < CHANNELS; c++) {
+                // A bound is met to the last digit.
+                g[c] = clamp(at[c] + d[c], params.lower[params.channel + c], params.upper[params.channel + c]);
+            }
+        }
+    }
+    if is_member {
+        for (var c = 0u; c < CHANNELS; c++) {
+            v[c * params.stride + i] = g[c];
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! Which adapters there are, what they can do, and which one is taken.
+
+use crate::{Error, Result};
+
+/// Storage buffers that one kernel binds at most.
+const STORAGE_BUFFERS: u32 = 7;
+
+/// What an adapter is and can do.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AdapterRecord {
+    /// What it calls itself.
+    pub name: String,
+    /// Vulkan, Metal or Dx12.
+    pub interface: String,
+    /// The driver and its version.
+    pub driver: String,
+    /// `discrete`, `integrated`, `virtual`, `software` or `other`.
+    pub kind: &'static str,
+    /// Whether it adds to an f32 atomically; without, a loop of compare-and-swap does.
+    pub float_atomics: bool,
+    /// Whether it measures its own time.
+    pub timestamps: bool,
+    /// Bytes that a kernel can see of one buffer; longer vectors are worked on slab by slab.
+    pub binding_limit: u64,
+    /// Bytes of the largest buffer.
+    pub buffer_limit: u64,
+    /// What it lacks of what is needed; empty when it serves.
+    pub missing: Vec<String>,
+}
+
+impl AdapterRecord {
+    /// Whether it is a graphics card, and not a program that acts as one.
+    pub fn is_hardware(&self) -> bool {
+        self.kind != "software"
+    }
+
+    fn of(adapter: &wgpu::Adapter) -> Self {
+        let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
+        let mut missing = Vec::new();
+        let capabilities = adapter.get_downlevel_capabilities();
+        if !capabilities.flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS) {
+            missing.push("compute shaders".to_owned());
+        }
+        if limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS {
+            let has = limits.max_storage_buffers_per_shader_stage;
+            missing.push(format!("{STORAGE_BUFFERS} storage buffers a kernel (it has {has})"));
+        }
+        if limits.max_compute_invocations_per_workgroup < super::kernel::LANES {
+            missing.push(format!("workgroups of {}", super::kernel::LANES));
+        }
+        Self {
+            name: info.name,
+            interface: format!("{:?}", info.backend),
+            driver: [info.driver, info.driver_info].join(" ").trim().to_owned(),
+            kind: match info.device_type {
+                wgpu::DeviceType::DiscreteGpu => "discrete",
+                wgpu::DeviceType::IntegratedGpu => "integrated",
+                wgpu::DeviceType::VirtualGpu => "virtual",
+                wgpu::DeviceType::Cpu => "software",
+                wgpu::DeviceType::Other => "other",
+            },
+            float_atomics: features.contains(wgpu::Features::SHADER_FLOAT32_ATOMIC),
+            timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
+            binding_limit: limits.max_storage_buffer_binding_size,
+            buffer_limit: limits.max_buffer_size,
+            missing,
+        }
+    }
+}
+
+/// Which adapter to take, and how to use it.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Choice {
+    /// A part of its name, in any case; the first that serves without.
+    pub name: Option<String>,
+    /// Whether a software adapter may be taken that was not asked for by name. Hardware comes first.
+    pub software: bool,
+    /// Bytes that a kernel may see of one buffer, where that should be less than the adapter allows.
+    pub binding_limit: Option<u64>,
+    /// Whether f32 sums are made by compare-and-swap even where the adapter has atomics for them.
+    pub without_float_atomics: bool,
+}
+
+/// All adapters of this machine.
+pub fn adapters() -> Vec<AdapterRecord> {
+    found().iter().map(|(_, record)| record.clone()).collect()
+}
+
+fn found() -> Vec<(wgpu::Adapter, AdapterRecord)> {
+    let mut instance = wgpu::InstanceDescriptor::new_without_display_handle();
+    instance.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
+    let instance = wgpu::Instance::new(instance);
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+    adapters
+        .into_iter()
+        .map(|adapter| {
+            let record = AdapterRecord::of(&adapter);
+            (adapter, record)
+        })
+        .collect()
+}
+
+/// The adapter of a choice.
+///
+/// Errors: [`Error::Adapter`] when there is none, saying which there are.
+pub(super) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterRecord)> {
+    let mut found = found();
+    // A stable sort: hardware first, in the order in which the system lists it.
+    found.sort_by_key(|(_, record)| !record.is_hardware());
+    let names: Vec<String> = found.iter().map(|(_, record)| format!("`{}`", record.name)).collect();
+    let list = if names.is_empty() { "no adapter at all".to_owned() } else { names.join(", ") };
+    let is_meant = |record: &AdapterRecord| match &choice.name {
+        Some(name) => record.name.to_lowercase().contains(&name.to_lowercase()),
+        None => choice.software || record.is_hardware(),
+    };
+    let meant: Vec<_> = found.into_iter().filter(|(_, record)| is_meant(record)).collect();
+    let Some(first) = meant.first().map(|(_, record)| record.clone()) else {
+        return Err(match &choice.name {
+            Some(name) => Error::Adapter {
+                adapter: name.clone(),
+                problem: format!("is not there: this machine has {list}"),
+                remedy: "name one of those, or use --backend cpu",
+            },
+            None => Error::Adapter {
+                adapter: "any hardware".to_owned(),
+                problem: format!("is not there: this machine has {list}"),
+                remedy: "use --backend cpu, or install a Vulkan driver",
+            },
+        });
+    };
+    meant.into_iter().find(|(_, record)| record.missing.is_empty()).ok_or_else(|| Error::Adapter {
+        adapter: first.name,
+        problem: format!("lacks {}", first.missing.join(" and ")),
+        remedy: "use --backend cpu, or update its driver",
+    })
+}

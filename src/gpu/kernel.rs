@@ -1,0 +1,435 @@
+//! The catalogue of kernels: which texts of `kernels/` each is assembled from, and what it binds.
+
+use std::fmt::Write as _;
+
+use crate::march::{SERIES_0, SERIES_2};
+use crate::operator::{NOWHERE, TILE_SIDE};
+use crate::scene::{Basis, Quadrature};
+
+use super::fixed_point::Accumulation;
+use super::layout::LEVELS;
+
+/// Lanes of a workgroup that works on vectors and kept rows.
+pub(super) const LANES: u32 = 256;
+/// Elements that one workgroup of a reduction takes: sixteen a lane.
+pub(super) const PIECE: u32 = 16 * LANES;
+/// Rays of a workgroup.
+pub(super) const RAYS: u32 = 64;
+/// Texels a side around the entry of a workgroup's rays that are summed up inside the workgroup.
+const NEAR: u32 = 16;
+/// Terms of the series for thin media: enough for f32 up to an optical depth of ½ a cell.
+const SERIES: usize = 9;
+
+/// One kernel in one of its variants.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum Kernel {
+    Fill,
+    Axpby,
+    Scale,
+    Multiply,
+    Invert,
+    Clamp,
+    Hold,
+    HoldAtBounds,
+    Shorten,
+    Pick,
+    Place,
+    Difference,
+    Divergence,
+    Dot,
+    ProjectedNormSquared,
+    LargestStep,
+    LargestBits,
+    FixedScale,
+    FixedFinish,
+    /// The traversal of the light map, compiled into a consumer.
+    LightMap(Consumer, Walk),
+    Rows {
+        colored: bool,
+        /// Channels at once: 1 or 3.
+        channels: u32,
+        squared: bool,
+        /// Lanes a row; a power of two.
+        sharers: u32,
+    },
+    Tiles {
+        colored: bool,
+        channels: u32,
+        operation: TileOperation,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum Consumer {
+    Gather,
+    Scatter(Accumulation),
+    Squares(Accumulation),
+}
+
+/// How a ray is walked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct Walk {
+    pub(super) bilinear: bool,
+    pub(super) march: bool,
+    pub(super) colored: bool,
+    /// Channels at once: 1 or 3.
+    pub(super) channels: u32,
+}
+
+impl Walk {
+    pub(super) fn new(basis: Basis, quadrature: Quadrature, colored: bool, channels: u32) -> Self {
+        let march = matches!(quadrature, Quadrature::March { .. });
+        Self { bilinear: basis == Basis::Bilinear, march, colored, channels }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum TileOperation {
+    Stretch,
+    Shrink,
+    Descend,
+}
+
+/// What a kernel does with a binding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Access {
+    /// The parameters of a dispatch.
+    Parameters,
+    /// What many dispatches share.
+    Uniform,
+    Read,
+    Write,
+}
+
+macro_rules! text {
+    ($name:literal) => {
+        include_str!(concat!("../../kernels/", $name, ".wgsl"))
+    };
+}
+
+impl Kernel {
+    /// The file of `kernels/` that it is.
+    pub(super) fn name(self) -> &'static str {
+        self.body().0
+    }
+
+    fn body(self) -> (&'static str, &'static str) {
+        macro_rules! file {
+            ($name:literal) => {
+                ($name, text!($name))
+            };
+        }
+        match self {
+            Self::Fill => file!("fill"),
+            Self::Axpby => file!("axpby"),
+            Self::Scale => file!("scale"),
+            Self::Multiply => file!("multiply"),
+            Self::Invert => file!("invert"),
+            Self::Clamp => file!("clamp"),
+            Self::Hold => file!("hold"),
+            Self::HoldAtBounds => file!("hold_at_bounds"),
+            Self::Shorten => file!("shorten"),
+            Self::Pick => file!("pick"),
+            Self::Place => file!("place"),
+            Self::Difference => file!("difference"),
+            Self::Divergence => file!("divergence"),
+            Self::Dot => file!("dot"),
+            Self::ProjectedNormSquared => file!("projected_norm_squared"),
+            Self::LargestStep => file!("largest_step"),
+            Self::LargestBits => file!("largest_bits"),
+            Self::FixedScale => file!("fixed_scale"),
+            Self::FixedFinish => file!("fixed_finish"),
+            Self::LightMap(Consumer::Gather, _) => file!("light_map_gather"),
+            Self::LightMap(Consumer::Scatter(_), _) => file!("light_map_scatter"),
+            Self::LightMap(Consumer::Squares(_), _) => file!("light_map_squares"),
+            Self::Rows { .. } => file!("rows"),
+            Self::Tiles { .. } => file!("tiles"),
+        }
+    }
+
+    /// The texts before its own.
+    fn prelude(self) -> Vec<&'static str> {
+        match self {
+            Self::Dot | Self::LargestStep | Self::LargestBits => vec![text!("prelude/reduction")],
+            Self::ProjectedNormSquared => vec![text!("prelude/bounds"), text!("prelude/reduction")],
+            Self::Hold => vec![text!("prelude/bounds"), text!("prelude/vector")],
+            Self::Pick | Self::Difference | Self::Divergence => {
+                vec![text!("prelude/vector"), text!("prelude/indexed")]
+            }
+            Self::FixedScale | Self::Rows { .. } | Self::Tiles { .. } => Vec::new(),
+            Self::LightMap(consumer, walk) => {
+                let mut texts = vec![
+                    if walk.colored { text!("prelude/colored") } else { text!("prelude/grey") },
+                    text!("prelude/exponential"),
+                    if walk.bilinear { text!("prelude/bilinear") } else { text!("prelude/nearest") },
+                    text!("prelude/visibility"),
+                    text!("prelude/light_map"),
+                ];
+                if let Consumer::Scatter(accumulation) | Consumer::Squares(accumulation) = consumer {
+                    texts.push(text!("prelude/scatter"));
+                    texts.push(match accumulation {
+                        Accumulation::Float => text!("prelude/accumulate_float"),
+                        Accumulation::Swap => text!("prelude/accumulate_swap"),
+                        Accumulation::Fixed => text!("prelude/accumulate_fixed"),
+                    });
+                }
+                texts
+            }
+            _ => vec![text!("prelude/vector")],
+        }
+    }
+
+    /// The whole text, as it is compiled.
+    pub(super) fn source(self) -> String {
+        let mut source = self.constants();
+        for text in self.prelude().into_iter().chain([self.body().1]) {
+            source.push('\n');
+            source.push_str(text);
+        }
+        source
+    }
+
+    /// What Rust and WGSL both know, declared in Rust.
+    fn constants(self) -> String {
+        let mut text = String::new();
+        let mut put = |line: String| {
+            let _infallible = writeln!(text, "{line}");
+        };
+        put(format!("const LANES: u32 = {LANES}u;\nconst PIECE: u32 = {PIECE}u;"));
+        put(format!("const NOWHERE: u32 = {NOWHERE}u;\nconst HUGE: f32 = {:e}f;", f32::MAX));
+        put(format!("const WORD: f32 = {:e}f;\nconst WORD_INVERSE: f32 = {:e}f;", 2f32.powi(32), 2f32.powi(-32)));
+        match self {
+            Self::LightMap(_, walk) => {
+                put(format!("const RAYS: u32 = {RAYS}u;\nconst LEVELS: u32 = {LEVELS}u;"));
+                put(format!("const NEAR: i32 = {NEAR};"));
+                put(format!("const NEAR_NUMBERS: u32 = {}u;", NEAR * NEAR * walk.channels));
+                put(format!("const CHANNELS: u32 = {}u;\nconst MARCH: bool = {};", walk.channels, walk.march));
+                put(format!("const SERIES: i32 = {SERIES};"));
+                for (name, terms) in [("POWERS_0", &SERIES_0[..SERIES]), ("POWERS_2", &SERIES_2[..SERIES])] {
+                    let terms: Vec<String> = terms.iter().map(|term| format!("{:e}f", *term as f32)).collect();
+                    // A variable, because constant arrays cannot be indexed by one everywhere.
+                    put(format!("var<private> {name}: array<f32, SERIES> = array<f32, SERIES>({});", terms.join(", ")));
+                }
+            }
+            Self::Rows { colored, channels, squared, sharers } => {
+                put(format!("const COLORED: bool = {colored};\nconst CHANNELS: u32 = {channels}u;"));
+                put(format!("const SQUARED: bool = {squared};\nconst SHARERS: u32 = {sharers}u;"));
+            }
+            Self::Tiles { colored, channels, operation } => {
+                put(format!("const COLORED: bool = {colored};\nconst CHANNELS: u32 = {channels}u;"));
+                put(format!("const OPERATION: u32 = {}u;\nconst TILE: u32 = {}u;", operation as u32, TILE_SIDE * TILE_SIDE));
+            }
+            _ => {}
+        }
+        text
+    }
+
+    /// What it binds, group by group.
+    pub(super) fn bindings(self) -> Vec<Vec<Access>> {
+        use Access::{Parameters, Read, Uniform, Write};
+        let first = match self {
+            Self::Fill | Self::Scale | Self::Invert | Self::Clamp => vec![Parameters, Write],
+            Self::Axpby | Self::Multiply | Self::HoldAtBounds | Self::Shorten | Self::FixedScale => {
+                vec![Parameters, Write, Read]
+            }
+            Self::LargestBits => vec![Parameters, Write, Read],
+            Self::Hold
+            | Self::Pick
+            | Self::Place
+            | Self::Dot
+            | Self::ProjectedNormSquared
+            | Self::LargestStep => {
+                vec![Parameters, Write, Read, Read]
+            }
+            Self::Difference | Self::Divergence | Self::FixedFinish => vec![Parameters, Write, Read, Read, Read],
+            Self::LightMap(Consumer::Gather, _) => vec![Parameters, Write, Read],
+            Self::LightMap(Consumer::Scatter(sums) | Consumer::Squares(sums), _) => match sums {
+                Accumulation::Fixed => vec![Parameters, Read, Write, Write, Read],
+                Accumulation::Float | Accumulation::Swap => vec![Parameters, Read, Write],
+            },
+            Self::Rows { .. } | Self::Tiles { .. } => vec![Parameters, Write, Read, Read, Read, Read],
+        };
+        match self {
+            Self::LightMap(..) => vec![first, vec![Read, Read, Uniform], vec![Read]],
+            _ => vec![first],
+        }
+    }
+
+    /// Every kernel in every variant that some problem can ask for.
+    fn all() -> Vec<Self> {
+        let mut all = vec![
+            Self::Fill,
+            Self::Axpby,
+            Self::Scale,
+            Self::Multiply,
+            Self::Invert,
+            Self::Clamp,
+            Self::Hold,
+            Self::HoldAtBounds,
+            Self::Shorten,
+            Self::Pick,
+            Self::Place,
+            Self::Difference,
+            Self::Divergence,
+            Self::Dot,
+            Self::ProjectedNormSquared,
+            Self::LargestStep,
+            Self::LargestBits,
+            Self::FixedScale,
+            Self::FixedFinish,
+        ];
+        let sums = [Accumulation::Float, Accumulation::Swap, Accumulation::Fixed];
+        for colored in [false, true] {
+            for channels in [1, 3] {
+                for [bilinear, march] in [[false, false], [false, true], [true, false], [true, true]] {
+                    let walk = Walk { bilinear, march, colored, channels };
+                    all.push(Self::LightMap(Consumer::Gather, walk));
+                    all.extend(sums.map(|sums| Self::LightMap(Consumer::Scatter(sums), walk)));
+                    all.extend(sums.map(|sums| Self::LightMap(Consumer::Squares(sums), walk)));
+                }
+                for squared in [false, true] {
+                    all.extend([1, 8, 32].map(|sharers| Self::Rows { colored, channels, squared, sharers }));
+                }
+                let operations = [TileOperation::Stretch, TileOperation::Shrink, TileOperation::Descend];
+                all.extend(operations.map(|operation| Self::Tiles { colored, channels, operation }));
+            }
+        }
+        all
+    }
+}
+
+/// A kernel as it is compiled, for those who want to read or check it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct KernelText {
+    /// The file of `kernels/` that it is.
+    pub name: &'static str,
+    /// Which variant, in words.
+    pub variant: String,
+    /// WGSL.
+    pub source: String,
+}
+
+/// Every kernel in every variant that some problem can ask for.
+pub fn kernel_texts() -> Vec<KernelText> {
+    let text = |kernel: Kernel| KernelText {
+        name: kernel.name(),
+        variant: format!("{kernel:?}"),
+        source: kernel.source(),
+    };
+    Kernel::all().into_iter().map(text).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic)]
+mod tests {
+    use std::mem::offset_of;
+
+    use wgpu::naga;
+
+    use super::super::layout;
+    use super::*;
+
+    fn module(kernel: Kernel) -> Result<naga::Module, String> {
+        let source = kernel.source();
+        let named = |error: String| format!("{kernel:?}: {error}");
+        let module = naga::front::wgsl::parse_str(&source).map_err(|error| named(error.emit_to_string(&source)))?;
+        let capabilities = naga::valid::Capabilities::SHADER_FLOAT32_ATOMIC;
+        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities)
+            .validate(&module)
+            .map_err(|error| named(error.emit_to_string(&source)))?;
+        Ok(module)
+    }
+
+    #[test]
+    fn every_kernel_is_valid_as_it_is_assembled() {
+        let all = Kernel::all();
+        let failures: Vec<String> = all.iter().filter_map(|&kernel| module(kernel).err()).collect();
+        assert!(failures.is_empty(), "{}", failures.join("\n"));
+        assert!(all.len() > 100);
+    }
+
+    #[test]
+    fn bindings_are_those_of_the_kernel() {
+        use naga::{AddressSpace, StorageAccess};
+        for kernel in Kernel::all() {
+            let module = module(kernel).unwrap();
+            let mut found = 0;
+            for (_, variable) in module.global_variables.iter() {
+                let Some(binding) = &variable.binding else { continue };
+                found += 1;
+                let access = kernel.bindings()[binding.group as usize][binding.binding as usize];
+                let fits = match variable.space {
+                    AddressSpace::Uniform => matches!(access, Access::Parameters | Access::Uniform),
+                    AddressSpace::Storage { access: StorageAccess::LOAD } => access == Access::Read,
+                    AddressSpace::Storage { .. } => access == Access::Write,
+                    _ => false,
+                };
+                assert!(fits, "{kernel:?}: {variable:?} is bound as {access:?}");
+            }
+            assert_eq!(found, kernel.bindings().concat().len(), "{kernel:?}");
+        }
+    }
+
+    /// The members of a struct in WGSL: name, offset; and its size.
+    fn members(kernel: Kernel, name: &str) -> (Vec<(String, usize)>, usize) {
+        let module = module(kernel).unwrap();
+        for (_, of) in module.types.iter() {
+            if let (Some(found), naga::TypeInner::Struct { members, span }) = (&of.name, &of.inner)
+                && found == name
+            {
+                let member = |member: &naga::StructMember| (member.name.clone().unwrap(), member.offset as usize);
+                return (members.iter().map(member).collect(), *span as usize);
+            }
+        }
+        panic!("no struct {name}");
+    }
+
+    macro_rules! same_layout {
+        ($kernel:expr, $name:literal, $rust:ty, [$($member:ident),*]) => {
+            let expected = vec![$((stringify!($member).to_owned(), offset_of!($rust, $member))),*];
+            assert_eq!(members($kernel, $name), (expected, size_of::<$rust>()), $name);
+        };
+    }
+
+    #[test]
+    fn members_lie_where_the_kernels_look_for_them() {
+        let walk = Walk { bilinear: true, march: false, colored: false, channels: 3 };
+        let gather = Kernel::LightMap(Consumer::Gather, walk);
+        for kernel in [Kernel::Axpby, Kernel::Dot] {
+            same_layout!(
+                kernel,
+                "VectorParams",
+                layout::VectorParams,
+                [len, stride, channel, other_first, other_len, other_stride, again, results, a, b]
+            );
+        }
+        same_layout!(
+            gather,
+            "Transport",
+            layout::Transport,
+            [sigma_t, light_size, shadow_size, shadow_from_light, shadow_top, steps, levels]
+        );
+        same_layout!(
+            gather,
+            "Ray",
+            layout::Ray,
+            [entry, slope, shadow_entry, shadow_clip, depth, depth_slope, length, before, strength]
+        );
+        same_layout!(
+            gather,
+            "Pass",
+            layout::Pass,
+            [rows, y_first, y_stride, channel, x_first, x_len, x_stride, again]
+        );
+        same_layout!(Kernel::FixedScale, "Scale", layout::Scale, [begin, pieces, row_sums]);
+        let rows = Kernel::Rows { colored: false, channels: 3, squared: false, sharers: 8 };
+        same_layout!(
+            rows,
+            "Rows",
+            layout::Rows,
+            [rows, y_first, y_stride, channel, x_stride, nonzeros, pad0, pad1]
+        );
+        let tiles = Kernel::Tiles { colored: false, channels: 3, operation: TileOperation::Descend };
+        same_layout!(tiles, "Tiles", layout::Tiles, [tiles, stride, channel, pad, lower, upper, shorter]);
+    }
+}

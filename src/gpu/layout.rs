@@ -1,0 +1,100 @@
+//! What kernels and host both know: structs as they lie in memory, and constants. A test compares every offset with the WGSL.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Levels of a shadow map's pyramid at most: maps of up to 2¹⁶ texels a side.
+pub(super) const LEVELS: usize = 17;
+
+/// `VectorParams` of kernels/prelude/vector.wgsl and reduction.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct VectorParams {
+    pub(super) len: u32,
+    pub(super) stride: u32,
+    pub(super) channel: u32,
+    pub(super) other_first: u32,
+    pub(super) other_len: u32,
+    pub(super) other_stride: u32,
+    pub(super) again: u32,
+    pub(super) results: u32,
+    pub(super) a: [f32; 4],
+    pub(super) b: [f32; 4],
+}
+
+/// `Transport` of kernels/prelude/light_map.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub(super) struct Transport {
+    pub(super) sigma_t: [f32; 4],
+    pub(super) light_size: [i32; 2],
+    pub(super) shadow_size: [i32; 2],
+    pub(super) shadow_from_light: [f32; 2],
+    pub(super) shadow_top: u32,
+    pub(super) steps: u32,
+    pub(super) levels: [[u32; 4]; LEVELS],
+}
+
+/// `Ray` of kernels/prelude/light_map.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Ray {
+    pub(super) entry: [f32; 2],
+    pub(super) slope: [f32; 2],
+    pub(super) shadow_entry: [f32; 2],
+    pub(super) shadow_clip: [f32; 2],
+    pub(super) depth: f32,
+    pub(super) depth_slope: f32,
+    pub(super) length: f32,
+    pub(super) before: f32,
+    pub(super) strength: [f32; 4],
+}
+
+/// `Pass` of kernels/prelude/light_map.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Pass {
+    pub(super) rows: u32,
+    pub(super) y_first: u32,
+    pub(super) y_stride: u32,
+    pub(super) channel: u32,
+    pub(super) x_first: u32,
+    pub(super) x_len: u32,
+    pub(super) x_stride: u32,
+    pub(super) again: u32,
+}
+
+/// `Scale` of kernels/fixed_scale.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Scale {
+    pub(super) begin: [u32; 4],
+    pub(super) pieces: [u32; 4],
+    pub(super) row_sums: [f32; 4],
+}
+
+/// `Rows` of kernels/rows.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Rows {
+    pub(super) rows: u32,
+    pub(super) y_first: u32,
+    pub(super) y_stride: u32,
+    pub(super) channel: u32,
+    pub(super) x_stride: u32,
+    pub(super) nonzeros: u32,
+    pub(super) pad0: u32,
+    pub(super) pad1: u32,
+}
+
+/// `Tiles` of kernels/tiles.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Tiles {
+    pub(super) tiles: u32,
+    pub(super) stride: u32,
+    pub(super) channel: u32,
+    pub(super) pad: u32,
+    pub(super) lower: [f32; 4],
+    pub(super) upper: [f32; 4],
+    pub(super) shorter: [f32; 4],
+}

@@ -1,0 +1,29 @@
+//! The operators and vectors on a graphics adapter, through wgpu; nothing else imports it.
+//!
+//! A [`Gpu`] records dispatches and hands them over when a number is asked for: that is a round trip, and they are
+//! counted. What goes wrong on the device is kept and reported by the next call that returns a [`Result`](crate::Result).
+//! Every kernel of `kernels/` is assembled in `kernel.rs`, and has a twin on the CPU.
+
+mod adapter;
+mod device;
+mod fixed_point;
+mod kernel;
+mod layout;
+mod light_map;
+mod recorder;
+mod rows;
+mod sums;
+mod tiles;
+mod transport;
+mod vector;
+
+pub use adapter::{AdapterRecord, Choice, adapters};
+pub use device::Gpu;
+pub use fixed_point::Accumulation;
+pub use kernel::{KernelText, kernel_texts};
+pub use light_map::Walked;
+pub use rows::{Kept, RowTable};
+pub use sums::DeviceSum;
+pub use tiles::TileMetric;
+pub use transport::Transport;
+pub use vector::{GpuVector, Index};

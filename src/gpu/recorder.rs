@@ -1,0 +1,110 @@
+//! What has been recorded and not yet handed to the device.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::kernel::Kernel;
+
+/// Bytes between the parameters of two dispatches: what every adapter can begin a binding at.
+pub(super) const SLOT: usize = 256;
+/// Dispatches that are held at most.
+pub(super) const SLOTS: usize = 1024;
+/// Bindings that are remembered at most.
+const REMEMBERED: usize = 4096;
+
+/// A kernel, ready to run.
+#[derive(Debug)]
+pub(super) struct Pipeline {
+    pub(super) pipeline: wgpu::ComputePipeline,
+    pub(super) layouts: Vec<wgpu::BindGroupLayout>,
+}
+
+/// A part of a buffer that a kernel sees.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub(super) struct Binding {
+    pub(super) buffer: wgpu::Buffer,
+    pub(super) offset: u64,
+    pub(super) size: u64,
+}
+
+#[derive(Debug)]
+struct Dispatch {
+    pipeline: Arc<Pipeline>,
+    groups: Vec<wgpu::BindGroup>,
+    slot: u32,
+    workgroups: [u32; 2],
+}
+
+/// The dispatches of the next submission, their parameters, and the bindings of those before.
+#[derive(Debug, Default)]
+pub(super) struct Recorder {
+    dispatches: Vec<Dispatch>,
+    parameters: Vec<u8>,
+    groups: HashMap<(Kernel, u32, Vec<Binding>), wgpu::BindGroup>,
+}
+
+impl Recorder {
+    pub(super) fn is_empty(&self) -> bool {
+        self.dispatches.is_empty()
+    }
+
+    pub(super) fn is_full(&self) -> bool {
+        self.dispatches.len() >= SLOTS
+    }
+
+    pub(super) fn parameters(&self) -> &[u8] {
+        &self.parameters
+    }
+
+    pub(super) fn record(
+        &mut self,
+        pipeline: Arc<Pipeline>,
+        groups: Vec<wgpu::BindGroup>,
+        parameters: &[u8],
+        workgroups: [u32; 2],
+    ) {
+        let slot = self.parameters.len() as u32;
+        self.parameters.extend_from_slice(parameters);
+        self.parameters.resize(slot as usize + SLOT, 0);
+        self.dispatches.push(Dispatch { pipeline, groups, slot, workgroups });
+    }
+
+    /// Writes all dispatches into a pass, and forgets them.
+    pub(super) fn encode(&mut self, pass: &mut wgpu::ComputePass<'_>) {
+        for Dispatch { pipeline, groups, slot, workgroups } in self.dispatches.drain(..) {
+            pass.set_pipeline(&pipeline.pipeline);
+            for (index, group) in (0u32..).zip(&groups) {
+                // The parameters stand in the first group.
+                let offsets: &[u32] = if index == 0 { &[slot] } else { &[] };
+                pass.set_bind_group(index, group, offsets);
+            }
+            pass.dispatch_workgroups(workgroups[0], workgroups[1], 1);
+        }
+        self.parameters.clear();
+    }
+
+    /// The bind group of these bindings; made anew only where it is not remembered.
+    pub(super) fn group(
+        &mut self,
+        kernel: Kernel,
+        index: u32,
+        bindings: Vec<Binding>,
+        make: impl FnOnce(&[Binding]) -> wgpu::BindGroup,
+    ) -> wgpu::BindGroup {
+        if self.groups.len() >= REMEMBERED {
+            self.groups.clear();
+        }
+        let key = (kernel, index, bindings);
+        if let Some(group) = self.groups.get(&key) {
+            return group.clone();
+        }
+        let group = make(&key.2);
+        self.groups.insert(key, group.clone());
+        group
+    }
+
+    /// Forgets the bindings of a buffer, so that its memory is given back.
+    pub(super) fn forget(&mut self, buffer: &wgpu::Buffer) {
+        self.groups.retain(|(_, _, bindings), _| bindings.iter().all(|binding| binding.buffer != *buffer));
+    }
+}

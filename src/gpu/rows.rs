@@ -1,0 +1,230 @@
+//! Rows that are kept on the device, and their transpose: both directions gather, without atomics and always in the same order.
+
+use super::Gpu;
+use super::device::Allocation;
+use super::kernel::{Kernel, LANES};
+use super::layout::Rows;
+use super::vector::{GpuVector, MOST_WORKGROUPS};
+use crate::operator::{LinearOperator, expect_len};
+use crate::{Error, Result};
+
+/// Rows of a matrix on the host: where each begins, which elements it has, and their weights, one channel after the other.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct RowTable {
+    /// One more than rows.
+    pub offsets: Vec<usize>,
+    /// One a non-zero.
+    pub elements: Vec<u32>,
+    /// One channel for grey media, else three; one number a non-zero each.
+    pub weights: Vec<Vec<f32>>,
+}
+
+impl RowTable {
+    /// The number of rows.
+    pub fn rows(&self) -> usize {
+        self.offsets.len().saturating_sub(1)
+    }
+
+    /// Its transpose; elements keep the order of the rows.
+    pub fn transposed(&self, elements: usize) -> Self {
+        let mut offsets = vec![0; elements + 1];
+        self.elements.iter().for_each(|&element| offsets[element as usize + 1] += 1);
+        for element in 0..elements {
+            offsets[element + 1] += offsets[element];
+        }
+        let mut next = offsets.clone();
+        let mut rows = vec![0; self.elements.len()];
+        let mut weights = vec![vec![0.0; self.elements.len()]; self.weights.len()];
+        for row in 0..self.rows() {
+            for k in self.offsets[row]..self.offsets[row + 1] {
+                let place = &mut next[self.elements[k] as usize];
+                rows[*place] = row as u32;
+                for (to, from) in weights.iter_mut().zip(&self.weights) {
+                    to[*place] = from[k];
+                }
+                *place += 1;
+            }
+        }
+        Self { offsets, elements: rows, weights }
+    }
+}
+
+/// T whose non-zeros are kept on the device, by rows and by columns.
+///
+/// Shapes  x: elements, y: rows, three channels each
+/// Cost    one multiplication a non-zero and channel; bit-identical in every run
+#[derive(Debug)]
+pub struct Kept {
+    gpu: Gpu,
+    by_row: Table,
+    by_column: Table,
+    nonzeros: usize,
+}
+
+#[derive(Debug)]
+struct Table {
+    rows: usize,
+    colored: bool,
+    sharers: u32,
+    slabs: Vec<TableSlab>,
+}
+
+/// So many rows as can be seen at once.
+#[derive(Debug)]
+struct TableSlab {
+    first: usize,
+    rows: usize,
+    nonzeros: usize,
+    offsets: Allocation,
+    elements: Allocation,
+    weights: Allocation,
+}
+
+impl Kept {
+    /// Hands the rows over.
+    ///
+    /// Errors: [`Error::AdapterMemory`]; [`Error::TooLarge`] for vectors, or single rows, that a kernel cannot see as a whole.
+    pub fn new(gpu: &Gpu, rows: &RowTable, elements: usize) -> Result<Self> {
+        // Elements of a row lie anywhere, so a channel must be visible as a whole.
+        let longest = elements.max(rows.rows()) as u64 * size_of::<f32>() as u64;
+        if longest > gpu.binding_limit() {
+            return Err(Error::TooLarge {
+                what: "a channel of the rows that are kept".to_owned(),
+                needed: format!("{longest} bytes"),
+                limit: format!("{} bytes", gpu.binding_limit()),
+                remedy: "choose the strategy `matrix-free`",
+            });
+        }
+        Ok(Self {
+            by_row: Table::new(gpu, rows)?,
+            by_column: Table::new(gpu, &rows.transposed(elements))?,
+            nonzeros: rows.elements.len(),
+            gpu: gpu.clone(),
+        })
+    }
+
+    /// Bytes that the non-zeros of `T` take on a device.
+    pub fn bytes(nonzeros: u64, rows: usize, elements: usize, channels: usize) -> u64 {
+        2 * nonzeros * (4 + 4 * channels as u64) + 4 * (rows + elements) as u64
+    }
+
+    /// The number of non-zeros.
+    pub fn nonzeros(&self) -> usize {
+        self.nonzeros
+    }
+
+    /// x ← diag(Tᵀ diag(y) T).
+    pub fn squares(&self, y: &GpuVector, x: &mut GpuVector) -> Result<()> {
+        expect_len("x", x, self.by_column.rows)?;
+        expect_len("y", y, self.by_row.rows)?;
+        self.by_column.gather(&self.gpu, y, x, true);
+        self.gpu.check()
+    }
+}
+
+impl Table {
+    fn new(gpu: &Gpu, table: &RowTable) -> Result<Self> {
+        let rows = table.rows();
+        let channels = table.weights.len();
+        let at_once = gpu.binding_limit() as usize / (size_of::<f32>() * channels);
+        let mean = table.elements.len() / rows.max(1);
+        let sharers = match mean {
+            0..16 => 1,
+            16..128 => 8,
+            _ => 32,
+        };
+        let (mut slabs, mut first) = (Vec::new(), 0);
+        while first < rows {
+            let begin = table.offsets[first];
+            // All rows that fit, and at least one.
+            let within = table.offsets[first..].partition_point(|&end| end - begin <= at_once) - 1;
+            let count = within.min(at_once - 1).min(rows - first).max(1);
+            let range = begin..table.offsets[first + count];
+            if range.len() > at_once {
+                return Err(Error::TooLarge {
+                    what: "a row that is kept".to_owned(),
+                    needed: format!("{} non-zeros", range.len()),
+                    limit: format!("{at_once} non-zeros"),
+                    remedy: "choose the strategy `matrix-free`",
+                });
+            }
+            let offsets: Vec<u32> =
+                table.offsets[first..=first + count].iter().map(|&offset| (offset - begin) as u32).collect();
+            let weights: Vec<f32> =
+                table.weights.iter().flat_map(|weights| &weights[range.clone()]).copied().collect();
+            slabs.push(TableSlab {
+                first,
+                rows: count,
+                nonzeros: range.len(),
+                offsets: gpu.upload("the rows", &offsets)?,
+                elements: gpu.upload("the rows", &table.elements[range])?,
+                weights: gpu.upload("the rows", &weights)?,
+            });
+            first += count;
+        }
+        Ok(Self { rows, colored: channels == 3, sharers, slabs })
+    }
+
+    /// y ← the rows times x.
+    fn gather(&self, gpu: &Gpu, x: &GpuVector, y: &GpuVector, squared: bool) {
+        for [channel, channels] in GpuVector::channels(&[x, y]) {
+            let kernel = Kernel::Rows { colored: self.colored, channels, squared, sharers: self.sharers };
+            let of_x = x.slabs([channel, channels]).next();
+            let of_y = y.slabs([channel, channels]).next();
+            let (Some(of_x), Some(of_y)) = (of_x, of_y) else { continue };
+            for slab in &self.slabs {
+                let params = Rows {
+                    rows: slab.rows as u32,
+                    y_first: slab.first as u32,
+                    y_stride: y.stride as u32,
+                    channel,
+                    x_stride: x.stride as u32,
+                    nonzeros: slab.nonzeros as u32,
+                    ..Rows::default()
+                };
+                let bindings = [
+                    y.binding(of_y),
+                    x.binding(of_x),
+                    slab.offsets.whole(),
+                    slab.elements.whole(),
+                    slab.weights.whole(),
+                ];
+                gpu.dispatch(kernel, &params, &[&bindings], grid(slab.rows, LANES / self.sharers));
+            }
+        }
+    }
+}
+
+/// Workgroups along two axes, for so many items.
+pub(super) fn grid(items: usize, each: u32) -> [u32; 2] {
+    let groups = (items as u32).div_ceil(each);
+    let across = groups.min(MOST_WORKGROUPS);
+    [across, groups.div_ceil(across.max(1))]
+}
+
+impl LinearOperator for Kept {
+    type Domain = GpuVector;
+    type Range = GpuVector;
+
+    fn domain(&self) -> GpuVector {
+        GpuVector::zeros(&self.gpu, self.by_column.rows)
+    }
+
+    fn range(&self) -> GpuVector {
+        GpuVector::zeros(&self.gpu, self.by_row.rows)
+    }
+
+    fn apply(&self, x: &GpuVector, y: &mut GpuVector) -> Result<()> {
+        expect_len("x", x, self.by_column.rows)?;
+        expect_len("y", y, self.by_row.rows)?;
+        self.by_row.gather(&self.gpu, x, y, false);
+        self.gpu.check()
+    }
+
+    fn apply_adjoint(&self, y: &GpuVector, x: &mut GpuVector) -> Result<()> {
+        expect_len("x", x, self.by_column.rows)?;
+        expect_len("y", y, self.by_row.rows)?;
+        self.by_column.gather(&self.gpu, y, x, false);
+        self.gpu.check()
+    }
+}
