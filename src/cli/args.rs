@@ -31,7 +31,7 @@ pub(crate) enum Command {
     /// Say what a solve would take, without doing it.
     Plan(SceneArguments),
     /// Check the operator: its adjoint, the explicit matrix in f64, and finite differences.
-    Check(SceneArguments),
+    Check(CheckArguments),
     /// Write the matrix, its right-hand side and its start for SciPy: T.npz, b.npy, x0.npy, rows.npy.
     Matrix(MatrixArguments),
     /// Describe this machine and what unscatter would use of it.
@@ -52,18 +52,36 @@ pub(crate) struct SceneArguments {
     /// Replace a value of the scene, such as `views[0].camera.fov=50`; may be repeated.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub(crate) overrides: Vec<String>,
-    /// Where to compute.
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) backend: Backend,
     /// Memory that may be used, such as 4GiB; three quarters of what is free by default.
     #[arg(long, value_name = "SIZE")]
     pub(crate) memory: Option<String>,
 }
 
 #[derive(Debug, Args)]
+pub(crate) struct BackendArguments {
+    /// What to compute on.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) backend: Backend,
+    /// The graphics adapter, by a part of its name; `unscatter doctor` lists them. Software adapters are used only when
+    /// named.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) adapter: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CheckArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    #[command(flatten)]
+    pub(crate) backend: BackendArguments,
+}
+
+#[derive(Debug, Args)]
 pub(crate) struct LightMapArguments {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
+    #[command(flatten)]
+    pub(crate) backend: BackendArguments,
     #[command(flatten)]
     pub(crate) output: OutputArguments,
     /// The method, instead of the scene's: fista, spectral, lbfgs, mprgp, flexible-cgls or clamped-cgls within bounds;
@@ -80,7 +98,7 @@ pub(crate) struct LightMapArguments {
     /// Fill texels that no painted ray reaches from their neighbours, for hand-off.
     #[arg(long)]
     pub(crate) fill: bool,
-    /// Bit-identical results in every run. The CPU always gives them.
+    /// Bit-identical results in every run; the processor always gives them, graphics adapters at a price.
     #[arg(long)]
     pub(crate) deterministic: bool,
     /// Continue from the checkpoint in the output folder.
@@ -120,9 +138,11 @@ pub(crate) struct OutputArguments {
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Backend {
-    /// The best there is.
+    /// A graphics card where there is one that serves, else the processor.
     #[default]
     Auto,
     /// The processor, on all its cores.
     Cpu,
+    /// A graphics card, and nothing else.
+    Gpu,
 }

@@ -1,12 +1,15 @@
 use serde::Serialize;
 
-use super::args::SceneArguments;
+use super::args::CheckArguments;
+use super::engine::Engine;
 use super::progress::Steps;
 use super::{Done, Manners, job, to_json};
 use crate::Result;
 use crate::march::Traversal;
 use crate::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
-use crate::problem::{LightMapOperator, LightMapProblem};
+#[cfg(feature = "gpu")]
+use crate::problem::GpuLightMapOperator;
+use crate::problem::{LightMapProblem, TransportOperator};
 use crate::scene::Strategy;
 use crate::sparse::ExplicitMatrix;
 
@@ -31,10 +34,11 @@ struct Verdict {
 }
 
 /// `unscatter check`: the adjoint test, every way of applying T against the explicit matrix, finite differences.
-pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done> {
+pub(super) fn run(arguments: &CheckArguments, manners: &Manners) -> Result<Done> {
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
-    let scene = job::load(arguments, &[])?;
+    let engine = Engine::choose(&arguments.backend)?;
+    let scene = job::load(&arguments.scene, &[])?;
     steps.begin("tracing", None);
     let problem = LightMapProblem::new(&scene)?.sampled(ROWS);
     steps.begin("checking", None);
@@ -52,14 +56,21 @@ pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done>
     for (name, strategy) in
         [("cpu, assembled", Strategy::Assembled), ("cpu, matrix-free", Strategy::MatrixFree)]
     {
-        let operator = problem.operator_with(strategy, u64::MAX)?;
-        let [forward, backward] = differences(&operator, &explicit)?;
-        verdicts.extend([
-            verdict("adjoint", name, adjoint_test(&operator, 3, 1)?.error, ADJOINT),
-            verdict("T x against the explicit matrix", name, forward, AGAINST_EXPLICIT),
-            verdict("Tᵀ y against the explicit matrix", name, backward, AGAINST_EXPLICIT),
-        ]);
+        verdicts.extend(verdicts_of(name, &problem.operator_with(strategy, u64::MAX)?, &explicit)?);
     }
+    #[cfg(feature = "gpu")]
+    if let Engine::Gpu { gpu, .. } = &engine {
+        for (name, strategy, deterministic) in [
+            ("gpu, assembled", Strategy::Assembled, false),
+            ("gpu, matrix-free", Strategy::MatrixFree, false),
+            ("gpu, fixed point", Strategy::MatrixFree, true),
+        ] {
+            let operator = GpuLightMapOperator::new(gpu, &problem, strategy, u64::MAX, deterministic)?;
+            verdicts.extend(verdicts_of(name, &operator, &explicit)?);
+        }
+    }
+    #[cfg(not(feature = "gpu"))]
+    let Engine::Cpu = engine;
     let error = finite_difference(&problem, &explicit)?;
     verdicts.push(verdict(
         "gradient by finite differences",
@@ -83,22 +94,36 @@ fn verdict(law: &'static str, backend: &str, error: f64, bound: f64) -> Verdict 
     Verdict { law, backend: backend.to_owned(), error, bound, holds: error <= bound }
 }
 
-/// ‖difference‖ / ‖truth‖ of both products, for a smooth x and for y the products themselves.
-fn differences(operator: &LightMapOperator, explicit: &ExplicitMatrix) -> Result<[f64; 2]> {
-    let wave = |index: usize| std::array::from_fn(|c| 1.0 + (index as f64 * 0.37 + c as f64).sin());
-    let x: Vec<[f64; 3]> = (0..operator.domain().len()).map(wave).collect();
-    let y: Vec<[f64; 3]> = (0..operator.range().len()).map(wave).collect();
-    let (mut forward, mut backward) = (operator.range(), operator.domain());
-    operator.apply(&CpuVector::of(&x), &mut forward)?;
-    operator.apply_adjoint(&CpuVector::of(&y), &mut backward)?;
-    let (mut true_forward, mut true_backward) = (explicit.range(), explicit.domain());
-    explicit.apply(&CpuVector(x), &mut true_forward)?;
-    explicit.apply_adjoint(&CpuVector(y), &mut true_backward)?;
-    Ok([relative(&forward, &true_forward)?, relative(&backward, &true_backward)?])
+/// The laws of one way of applying T.
+fn verdicts_of(name: &str, operator: &impl TransportOperator, explicit: &ExplicitMatrix) -> Result<[Verdict; 3]> {
+    let [forward, backward] = differences(operator, explicit)?;
+    Ok([
+        verdict("adjoint", name, adjoint_test(operator, 3, 1)?.error, ADJOINT),
+        verdict("T x against the explicit matrix", name, forward, AGAINST_EXPLICIT),
+        verdict("Tᵀ y against the explicit matrix", name, backward, AGAINST_EXPLICIT),
+    ])
 }
 
-fn relative(got: &CpuVector, truth: &CpuVector<f64>) -> Result<f64> {
-    let mut difference = CpuVector(got.to_host()?);
+/// ‖difference‖ / ‖truth‖ of both products, for a smooth x and for y the products themselves.
+fn differences(operator: &impl TransportOperator, explicit: &ExplicitMatrix) -> Result<[f64; 2]> {
+    let wave = |index: usize| std::array::from_fn(|c| 1.0 + (index as f64 * 0.37 + c as f64).sin());
+    let (mut x, mut y) = (operator.domain(), operator.range());
+    let on_x = CpuVector((0..x.len()).map(wave).collect());
+    let on_y = CpuVector((0..y.len()).map(wave).collect());
+    x.set_from_host(&on_x.0)?;
+    operator.apply(&x, &mut y)?;
+    let forward = y.to_host()?;
+    y.set_from_host(&on_y.0)?;
+    operator.apply_adjoint(&y, &mut x)?;
+    let backward = x.to_host()?;
+    let (mut true_forward, mut true_backward) = (explicit.range(), explicit.domain());
+    explicit.apply(&on_x, &mut true_forward)?;
+    explicit.apply_adjoint(&on_y, &mut true_backward)?;
+    Ok([relative(forward, &true_forward)?, relative(backward, &true_backward)?])
+}
+
+fn relative(got: Vec<[f64; 3]>, truth: &CpuVector<f64>) -> Result<f64> {
+    let mut difference = CpuVector(got);
     difference.axpby([-1.0; 3], truth, [1.0; 3]);
     let norm =
         |vector: &CpuVector<f64>| vector.norm_squared().map(|squares| squares.iter().sum::<f64>().sqrt());

@@ -1,8 +1,8 @@
 use std::collections::BTreeMap;
 
+use super::compute::Computed;
 use super::{job, machine};
-use crate::operator::CpuVector;
-use crate::problem::{Assessment, LightMapOperator, LightMapProblem, Solved, Weights};
+use crate::problem::{LightMapProblem, Weights};
 use crate::report::{
     Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord,
     ViewMatch,
@@ -14,25 +14,20 @@ use crate::solve::Outcome;
 pub(super) struct Findings<'a> {
     pub(super) scene: &'a Scene,
     pub(super) problem: &'a LightMapProblem,
-    pub(super) operator: &'a LightMapOperator,
-    pub(super) coverage: &'a CpuVector,
-    pub(super) solved: &'a Solved,
-    /// How well all rows, and those of each view, met the targets before and after.
-    pub(super) before: &'a Assessment,
-    pub(super) after: &'a Assessment,
-    pub(super) adjoint_error: f64,
+    pub(super) computed: &'a Computed,
 }
 
 impl Findings<'_> {
     pub(super) fn report(&self, timings: Vec<(String, f64)>) -> Report {
-        let storage = self.operator.storage();
-        let stop = self.solved.outcome.stop;
+        let storage = self.computed.storage;
+        let stop = self.computed.solved.outcome.stop;
         Report {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: "light-map".to_owned(),
             scene: self.scene.name.clone(),
-            backend: "cpu".to_owned(),
-            device: format!("{}, {} threads", machine::processor(), rayon::current_num_threads()),
+            backend: self.computed.backend.to_owned(),
+            device: self.computed.device.clone(),
+            gpu: self.computed.work.clone(),
             target: match self.scene.target {
                 Target::Tint => "tint",
                 Target::Radiance => "radiance",
@@ -51,34 +46,34 @@ impl Findings<'_> {
             },
             problem: self.size(),
             regularization: Regularization {
-                tikhonov: self.solved.weights.tikhonov,
-                laplacian: self.solved.weights.laplacian,
-                gradient: self.solved.weights.gradient,
+                tikhonov: self.computed.solved.weights.tikhonov,
+                laplacian: self.computed.solved.weights.laplacian,
+                gradient: self.computed.solved.weights.gradient,
             },
             settings: self.settings(),
             history: self.history(),
             certificate: self.certificate(),
-            set_up_applications: self.solved.set_up_applications as u64,
+            set_up_applications: self.computed.solved.set_up_applications as u64,
             stop: StopRecord { reason: stop.reason.name().to_owned(), iteration: stop.iteration as u64 },
-            weighted_residual: Change { before: self.before.all.residual, after: self.after.all.residual },
+            weighted_residual: Change { before: self.computed.before.all.residual, after: self.computed.after.all.residual },
             matched: self.matched(),
             timings: timings.into_iter().collect(),
             memory: self.memory(),
             skipped: self.skipped(),
-            adjoint_error: self.adjoint_error,
+            adjoint_error: self.computed.adjoint_error,
             coverage: self.covered(),
         }
     }
 
     fn size(&self) -> Problem {
-        let storage = self.operator.storage();
+        let storage = self.computed.storage;
         let exact = storage.walked_rows == 0;
         Problem {
             rows: self.problem.constraints.len() as u64,
-            unknowns: self.coverage.0.len() as u64,
+            unknowns: self.computed.coverage.0.len() as u64,
             active_unknowns: self.reached(),
             nonzeros: if exact { storage.kept_nonzeros } else { self.problem.plan.nonzeros },
-            views: self.before.views.iter().filter(|view| view.pixels > 0).count() as u64,
+            views: self.computed.before.views.iter().filter(|view| view.pixels > 0).count() as u64,
             size: self.problem.maps.light_map.size.map(|side| side as u64).to_vec(),
         }
     }
@@ -102,7 +97,7 @@ impl Findings<'_> {
                 format!("{:.1} % of the painted pixels' light", 100.0 * self.problem.share_from_outside()),
             ),
             ("bounds", bounds(solve)),
-            ("weights", weights(&self.solved.relative_weights)),
+            ("weights", weights(&self.computed.solved.relative_weights)),
             ("metric", format!("{:?}", solve.metric_in_use()).to_lowercase()),
         ]
         .map(|(name, value)| (name.to_owned(), value))
@@ -110,12 +105,12 @@ impl Findings<'_> {
     }
 
     fn certificate(&self) -> Certificate {
-        let Outcome { history, true_residual, true_normal_residual, .. } = &self.solved.outcome;
+        let Outcome { history, true_residual, true_normal_residual, .. } = &self.computed.solved.outcome;
         let keeps_bounds = self.scene.solve.solver.keeps_bounds();
         let [lower, upper] = self.scene.solve.bounds;
         let is_at_bound =
             |texel: &Rgb| (0..3).any(|c| f64::from(texel[c]) <= lower[c] || f64::from(texel[c]) >= upper[c]);
-        let reached = self.solved.light_map.iter().zip(&self.coverage.0);
+        let reached = self.computed.solved.light_map.iter().zip(&self.computed.coverage.0);
         let reached = reached.filter(|(_, covered)| covered.iter().any(|&value| value > 0.0));
         let held = reached.filter(|(texel, _)| is_at_bound(texel)).count();
         Certificate {
@@ -135,11 +130,11 @@ impl Findings<'_> {
             residual: entry.residual,
             normal_residual: entry.normal_residual,
         };
-        self.solved.outcome.history.progress.iter().map(step).collect()
+        self.computed.solved.outcome.history.progress.iter().map(step).collect()
     }
 
     fn matched(&self) -> Vec<ViewMatch> {
-        let views = self.scene.views.iter().zip(&self.before.views).zip(&self.after.views);
+        let views = self.scene.views.iter().zip(&self.computed.before.views).zip(&self.computed.after.views);
         views
             .filter(|((_, before), _)| before.pixels > 0)
             .map(|((view, before), after)| ViewMatch {
@@ -158,7 +153,7 @@ impl Findings<'_> {
 
     fn memory(&self) -> BTreeMap<String, u64> {
         let mut memory = BTreeMap::from([
-            ("matrix".to_owned(), self.operator.storage().bytes),
+            ("matrix".to_owned(), self.computed.storage.bytes),
             ("everything_else".to_owned(), job::fixed_bytes(self.scene, self.problem)),
         ]);
         memory.extend(self.scene.solve.memory.map(|budget| ("budget".to_owned(), budget)));
@@ -177,28 +172,28 @@ impl Findings<'_> {
             lit += extent.lit_texels;
             cut += u64::from(extent.cut_off);
         }
-        let history = &self.solved.outcome.history;
+        let history = &self.computed.solved.outcome.history;
         let last = history.progress.last();
         let (walks, iterations) = last.map_or((0, 0), |last| (last.operator_applications, last.iteration));
         let share = |count: u64, of: u64| Share { count, of };
         [
             ("pixels", share((pixels - rows) as u64, pixels as u64)),
-            ("unknowns", share(self.coverage.0.len() as u64 - self.reached(), self.coverage.0.len() as u64)),
+            ("unknowns", share(self.computed.coverage.0.len() as u64 - self.reached(), self.computed.coverage.0.len() as u64)),
             ("shadowed_cells", share((texels - lit) as u64, texels as u64)),
             ("dark_rays", share(cut, rows as u64)),
             ("channel_iterations", share(history.spared as u64, 3 * iterations as u64)),
-            ("walks", share((walks * self.operator.storage().kept_rows) as u64, (walks * rows) as u64)),
+            ("walks", share((walks * self.computed.storage.kept_rows) as u64, (walks * rows) as u64)),
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .into()
     }
 
     fn covered(&self) -> Coverage {
-        let total = self.coverage.0.len() as u64;
+        let total = self.computed.coverage.0.len() as u64;
         // Where the data weigh less than the regularization, the start decides.
-        let weak = self.coverage.0.iter().filter(|texel| {
+        let weak = self.computed.coverage.0.iter().filter(|texel| {
             let most = f64::from(texel[0].max(texel[1]).max(texel[2]));
-            most > 0.0 && most < self.solved.weights.tikhonov
+            most > 0.0 && most < self.computed.solved.weights.tikhonov
         });
         Coverage {
             reached: self.reached(),
@@ -210,7 +205,7 @@ impl Findings<'_> {
     }
 
     fn reached(&self) -> u64 {
-        self.coverage.0.iter().filter(|texel| texel.iter().any(|&value| value > 0.0)).count() as u64
+        self.computed.coverage.0.iter().filter(|texel| texel.iter().any(|&value| value > 0.0)).count() as u64
     }
 }
 

@@ -1,27 +1,23 @@
-use std::time::{Duration, Instant};
-
 use super::args::LightMapArguments;
+use super::compute::{Computed, Task};
+use super::engine::Engine;
 use super::findings::Findings;
 use super::placement::Placement;
-use super::progress::{Steps, interrupted, watch_interrupt};
+use super::progress::{Steps, watch_interrupt};
 use super::results::{Folder, Painted, ViewPictures};
 use super::{Done, Manners, job, resume};
 use crate::Result;
-use crate::operator::{CpuVector, adjoint_test};
-use crate::problem::{Assessment, Assessor, LightMapProblem, render, solve};
+use crate::operator::CpuVector;
+use crate::problem::{Assessment, LightMapProblem, Paused, render};
 use crate::report::{self, Report};
 use crate::scene::{Image, Rgb, Scene};
-use crate::solve::{Control, StopReason};
-
-/// How often a checkpoint is written.
-const CHECKPOINT_EVERY: Duration = Duration::from_secs(10);
-/// The adjoint of this problem is tested with vectors made from this seed.
-const SEED: u64 = 1;
+use crate::solve::StopReason;
 
 /// `unscatter light-map`: from painted strokes to a light map, pictures and a report.
 pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Done> {
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
+    let engine = Engine::choose(&arguments.backend)?;
     let mut scene = job::load(&arguments.scene, &arguments.solve_overrides())?;
     let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
     watch_interrupt()?;
@@ -31,57 +27,29 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     job::settle_metric(&mut scene, &problem);
     let checkpoint = resume::Keeper::new(&folder, &scene, &problem);
     let resumed = if arguments.resume { Some(checkpoint.read()?) } else { None };
-
-    steps.begin("walking", None);
-    let operator = problem.operator(&scene, job::budget(&scene, &problem)?)?;
-    let coverage = operator.squares(&problem.weights())?;
-    let adjoint_error = adjoint_test(&operator, 1, SEED)?.error;
-    tracing::info!(storage = ?operator.storage(), adjoint_error, "operator");
-
-    steps.begin("solving", Some(scene.solve.iterations as u64));
-    let mut saved = Instant::now();
-    let solved = solve(&problem, &operator, &coverage, &scene.solve, resumed, |history, snapshot| {
-        if let Some(last) = history.progress.last() {
-            let worst = last.normal_residual.iter().copied().fold(0.0, f64::max);
-            steps.advance(last.iteration as u64, format!("normal residual {worst:.1e}"));
-            if arguments.preview_every.is_some_and(|every| last.iteration % every as usize == 0) {
-                preview(&scene, &problem, &folder, &snapshot.texels())?;
-            }
-        }
-        if saved.elapsed() > CHECKPOINT_EVERY {
-            checkpoint.keep(history, &snapshot.state()?);
-            saved = Instant::now();
-        }
-        Ok(if interrupted() { Control::Stop } else { Control::Continue })
-    })?;
+    let task = Task {
+        scene: &scene,
+        problem: &problem,
+        checkpoint: &checkpoint,
+        preview_every: arguments.preview_every.map(|every| every as usize),
+    };
+    let preview = |texels: &[Rgb]| preview(&scene, &problem, &folder, texels);
+    let computed = compute(&task, engine, arguments, resumed, &mut steps, &preview)?;
+    let Computed { solved, before, after, coverage, .. } = &computed;
     checkpoint.write(&folder.file("checkpoint"), &solved.outcome.history, &solved.state)?;
 
-    steps.begin("assessing", None);
-    let views = scene.views.len();
-    let assessor = Assessor::new(&problem, &operator)?;
-    let before = assessor.assess(&start(&problem), views)?;
-    let after = assessor.assess(&CpuVector(solved.light_map.clone()), views)?;
-
-    steps.begin("rendering", Some(views as u64));
-    let pictures = draw(&scene, &problem, &solved.light_map, [&before, &after], &steps)?;
+    let views = scene.views.len() as u64;
+    steps.begin("rendering", Some(views));
+    let pictures = draw(&scene, &problem, &solved.light_map, [before, after], &steps)?;
     steps.begin("writing", None);
     let light_map = light_map_picture(&problem, solved.light_map.clone())?;
-    let coverage_picture = coverage_picture(&problem, &coverage)?;
+    let coverage_picture = coverage_picture(&problem, coverage)?;
     let in_page = report::Pictures {
         views: pictures.iter().map(|view| view.write(&folder, scene.exposure)).collect::<Result<_>>()?,
         light_map: folder.write_picture("light_map", &light_map, exposure_of(&problem))?,
         coverage: Some(folder.write_png("coverage", &coverage_picture, 0.0)?),
     };
-    let findings = Findings {
-        scene: &scene,
-        problem: &problem,
-        operator: &operator,
-        coverage: &coverage,
-        solved: &solved,
-        before: &before,
-        after: &after,
-        adjoint_error,
-    };
+    let findings = Findings { scene: &scene, problem: &problem, computed: &computed };
     folder.write_bytes("light_map.placement.json", Placement::of(&problem.maps).to_json()?.as_bytes())?;
     let report = findings.report(steps.finish());
     folder.write_bytes("report.json", report.to_json()?.as_bytes())?;
@@ -90,6 +58,44 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     manners.print(&report.to_json()?, &summary(&report, &folder));
     let was_interrupted = solved.outcome.stop.reason == StopReason::Interrupted;
     Ok(if was_interrupted { Done::Interrupted } else { Done::Completely })
+}
+
+#[cfg(feature = "gpu")]
+fn compute(
+    task: &Task,
+    engine: Engine,
+    arguments: &LightMapArguments,
+    resumed: Option<Paused>,
+    steps: &mut Steps,
+    preview: &dyn Fn(&[Rgb]) -> Result<()>,
+) -> Result<Computed> {
+    let Engine::Gpu { gpu, or_cpu } = engine else { return task.on_cpu(resumed, steps, preview) };
+    match task.on_gpu(&gpu, arguments.deterministic, resumed, steps, preview) {
+        Err(error) if or_cpu && error.is_of_adapter() => {
+            tracing::warn!("{error}");
+            // What the adapter has saved is not lost: its state is as good as the processor's own.
+            let resumed = task.checkpoint.latest().or_else(|| task.checkpoint.read().ok().filter(|_| arguments.resume));
+            tracing::warn!(
+                "computing on the processor, from {}",
+                if resumed.is_some() { "the last checkpoint" } else { "the start" }
+            );
+            task.on_cpu(resumed, steps, preview)
+        }
+        computed => computed,
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+fn compute(
+    task: &Task,
+    engine: Engine,
+    _arguments: &LightMapArguments,
+    resumed: Option<Paused>,
+    steps: &mut Steps,
+    preview: &dyn Fn(&[Rgb]) -> Result<()>,
+) -> Result<Computed> {
+    let Engine::Cpu = engine;
+    task.on_cpu(resumed, steps, preview)
 }
 
 impl LightMapArguments {
@@ -106,11 +112,6 @@ impl LightMapArguments {
         .flatten()
         .collect()
     }
-}
-
-/// The constant light map that a solve starts from.
-fn start(problem: &LightMapProblem) -> CpuVector {
-    CpuVector(vec![problem.start; problem.maps.light_map.len()])
 }
 
 /// The pictures of all views under a light map, given what the painted pixels show before and after.

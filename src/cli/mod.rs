@@ -2,8 +2,10 @@
 
 mod args;
 mod check;
+mod compute;
 mod diagnostics;
 mod doctor;
+mod engine;
 mod findings;
 mod job;
 mod light_map;

@@ -1,3 +1,4 @@
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
 use super::results::Folder;
@@ -15,18 +16,26 @@ const ENTRY: usize = 9;
 pub(super) struct Keeper {
     path: PathBuf,
     fingerprint: u64,
+    /// Whether this run has written it.
+    kept: Cell<bool>,
 }
 
 impl Keeper {
     pub(super) fn new(folder: &Folder, scene: &Scene, problem: &LightMapProblem) -> Self {
-        Self { path: folder.path().join("checkpoint"), fingerprint: fingerprint(scene, problem) }
+        Self { path: folder.path().join("checkpoint"), fingerprint: fingerprint(scene, problem), kept: Cell::new(false) }
     }
 
     /// Writes the checkpoint where [`Keeper::read`] finds it; a failure is no reason to lose the solve.
     pub(super) fn keep(&self, history: &History, state: &State) {
-        if let Err(error) = self.write(&self.path, history, state) {
-            tracing::warn!("no checkpoint: {error}");
+        match self.write(&self.path, history, state) {
+            Ok(()) => self.kept.set(true),
+            Err(error) => tracing::warn!("no checkpoint: {error}"),
         }
+    }
+
+    /// What this run has kept last, if anything.
+    pub(super) fn latest(&self) -> Option<Paused> {
+        self.kept.get().then(|| self.read().ok()).flatten()
     }
 
     pub(super) fn write(&self, path: &Path, history: &History, state: &State) -> Result<()> {

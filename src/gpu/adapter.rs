@@ -79,6 +79,31 @@ pub struct Choice {
     pub binding_limit: Option<u64>,
     /// Whether f32 sums are made by compare-and-swap even where the adapter has atomics for them.
     pub without_float_atomics: bool,
+    /// A fault to simulate.
+    pub fault: Option<Fault>,
+}
+
+/// What can go wrong with an adapter, so that it can be brought about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// Kernels do not compile.
+    Compilation,
+    /// There is room for buffers of 64 KiB and no more.
+    Memory,
+    /// The device is gone after so many round trips.
+    Loss(u64),
+}
+
+impl Fault {
+    /// `compilation`, `memory`, or `loss:N`.
+    pub fn parse(text: &str) -> Option<Self> {
+        match text.split_once(':') {
+            None if text == "compilation" => Some(Self::Compilation),
+            None if text == "memory" => Some(Self::Memory),
+            Some(("loss", count)) => count.parse().ok().map(Self::Loss),
+            _ => None,
+        }
+    }
 }
 
 /// All adapters of this machine.

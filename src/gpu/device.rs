@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytemuck::Pod;
 
-use super::adapter::{AdapterRecord, Choice, choose};
+use super::adapter::{AdapterRecord, Choice, Fault, choose};
 use super::fixed_point::Accumulation;
 use super::kernel::{Access, Kernel};
 use super::recorder::{Binding, Pipeline, Recorder, SLOT, SLOTS};
@@ -31,6 +31,7 @@ pub(super) struct Inner {
     record: AdapterRecord,
     binding_limit: u64,
     float_atomics: bool,
+    fault: Option<Fault>,
     failure: Arc<Mutex<Option<Error>>>,
     recorder: RefCell<Recorder>,
     parameters: wgpu::Buffer,
@@ -77,7 +78,10 @@ impl Gpu {
     ///
     /// Errors: [`Error::Adapter`] when there is none, or it cannot be opened.
     pub fn open(choice: &Choice) -> Result<Self> {
-        let (adapter, record) = choose(choice)?;
+        let (adapter, mut record) = choose(choice)?;
+        if choice.fault == Some(Fault::Memory) {
+            record.buffer_limit = 64 << 10;
+        }
         let wanted = wgpu::Features::SHADER_FLOAT32_ATOMIC | wgpu::Features::TIMESTAMP_QUERY;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("unscatter"),
@@ -113,6 +117,7 @@ impl Gpu {
         let gpu = Self(Rc::new(Inner {
             binding_limit: choice.binding_limit.map_or(limit, |lower| lower.min(limit)),
             float_atomics: record.float_atomics && !choice.without_float_atomics,
+            fault: choice.fault,
             device,
             queue,
             record,
@@ -359,6 +364,9 @@ impl Gpu {
 
     fn wait(&self) -> Result<()> {
         self.0.round_trips.set(self.0.round_trips.get() + 1);
+        if self.0.fault == Some(Fault::Loss(self.0.round_trips.get())) {
+            self.destroy();
+        }
         let waited = self.0.device.poll(wgpu::PollType::wait_indefinitely());
         self.check()?;
         waited.map(drop).map_err(|_| self.failed("does not answer"))
@@ -403,7 +411,11 @@ impl Gpu {
         if let Some(known) = pipelines.get(&kernel) {
             return known.clone();
         }
-        let made = self.compile(kernel, &kernel.source()).map_err(|error| note(&self.0.failure, error)).ok();
+        let source = match self.0.fault {
+            Some(Fault::Compilation) => "this is no kernel".to_owned(),
+            _ => kernel.source(),
+        };
+        let made = self.compile(kernel, &source).map_err(|error| note(&self.0.failure, error)).ok();
         pipelines.insert(kernel, made.clone());
         made
     }

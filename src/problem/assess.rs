@@ -1,6 +1,5 @@
-use super::{LightMapOperator, LightMapProblem};
+use super::{LightMapProblem, TransportOperator};
 use crate::Result;
-use crate::operator::{CpuVector, LinearOperator};
 use crate::scene::Rgb;
 
 /// Less saturation than this, from 0 to 1, has no hue to speak of.
@@ -28,9 +27,9 @@ pub struct Match {
 
 /// How well light maps meet the targets.
 #[derive(Debug)]
-pub struct Assessor<'a> {
+pub struct Assessor<'a, O> {
     problem: &'a LightMapProblem,
-    operator: &'a LightMapOperator,
+    operator: &'a O,
     contested: Vec<bool>,
 }
 
@@ -45,32 +44,31 @@ pub struct Assessment {
     pub shown: Vec<Rgb>,
 }
 
-impl<'a> Assessor<'a> {
+impl<'a, O: TransportOperator> Assessor<'a, O> {
     /// Finds out which rows are contested.
     ///
     /// Cost: 3 applications of the adjoint, 1 of T.
-    pub fn new(problem: &'a LightMapProblem, operator: &'a LightMapOperator) -> Result<Self> {
+    pub fn new(problem: &'a LightMapProblem, operator: &'a O) -> Result<Self> {
         Ok(Self { problem, operator, contested: contested(problem, operator)? })
     }
 
     /// Compares what the light map `x` (all texels) shows with the targets, over all rows and in each of `views` views.
     ///
     /// Cost: 1 application of T.
-    pub fn assess(&self, x: &CpuVector, views: usize) -> Result<Assessment> {
-        let mut shown = self.operator.range();
-        self.operator.apply(x, &mut shown)?;
+    pub fn assess(&self, x: &[Rgb], views: usize) -> Result<Assessment> {
+        let mut shown = self.operator.shown(x)?;
         let mut all = Sums::default();
         let mut by_view = vec![Sums::default(); views];
         for (row, pixel) in self.problem.constraints.iter().enumerate() {
             let around = self.problem.surroundings[row];
-            shown.0[row] = std::array::from_fn(|c| shown.0[row][c] + around[c]);
+            shown[row] = std::array::from_fn(|c| shown[row][c] + around[c]);
             let target = self.problem.wanted(row);
             for sums in [&mut all, &mut by_view[pixel.view]] {
-                sums.add(shown.0[row], target, pixel.color, f64::from(pixel.weight), self.contested[row]);
+                sums.add(shown[row], target, pixel.color, f64::from(pixel.weight), self.contested[row]);
             }
         }
         let views = by_view.into_iter().map(Sums::finish).collect();
-        Ok(Assessment { all: all.finish(), views, shown: shown.0 })
+        Ok(Assessment { all: all.finish(), views, shown })
     }
 }
 
@@ -122,26 +120,24 @@ impl Sums {
 ///
 /// Every row sends its hue, as a point on the colour circle, to its texels; where the mean of what arrives is short,
 /// the strokes contradict each other.
-fn contested(problem: &LightMapProblem, operator: &LightMapOperator) -> Result<Vec<bool>> {
+fn contested(problem: &LightMapProblem, operator: &impl TransportOperator) -> Result<Vec<bool>> {
     // One transport for all three quantities, for coloured media have three.
     let arriving = |part: fn(f32) -> f32| -> Result<Vec<f32>> {
         let sent = problem.constraints.iter().map(|pixel| {
             let value = hue(pixel.color, SATURATED).map_or(0.0, |angle| part(angle) * pixel.weight);
             [value; 3]
         });
-        let mut texels = operator.domain();
-        operator.apply_adjoint(&CpuVector(sent.collect()), &mut texels)?;
-        Ok(texels.0.iter().map(|texel| texel[0] + texel[1] + texel[2]).collect())
+        let texels = operator.arriving(&sent.collect::<Vec<Rgb>>())?;
+        Ok(texels.iter().map(|texel| texel[0] + texel[1] + texel[2]).collect())
     };
     let (cos, sin, all) = (arriving(f32::cos)?, arriving(f32::sin)?, arriving(|_| 1.0)?);
     let disputed = (0..all.len()).map(|texel| {
         let agreement = cos[texel].hypot(sin[texel]) / all[texel];
         [if agreement < AGREED { 1.0 } else { 0.0 }; 3]
     });
-    let mut shares = operator.range();
-    operator.apply(&CpuVector(disputed.collect()), &mut shares)?;
+    let shares = operator.shown(&disputed.collect::<Vec<Rgb>>())?;
     let sum = |row: Rgb| row.iter().map(|&value| f64::from(value)).sum::<f64>();
-    let rows = shares.0.iter().enumerate();
+    let rows = shares.iter().enumerate();
     Ok(rows
         .map(|(row, &share)| {
             let whole: f64 = problem.traversal.inside_weight(row).iter().sum();

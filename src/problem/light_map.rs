@@ -3,21 +3,13 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::extents::fit_to;
+use super::transport::LightMapOperator;
 use super::{Constraint, Maps, constraints};
-use crate::cpu::{Storage, TileMetric, Tiling, Transport, WalkPlan};
+use crate::cpu::{Transport, WalkPlan};
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use crate::operator::{CpuVector, LinearOperator, Metric};
+use crate::operator::CpuVector;
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, Strategy, Target};
 use crate::{Error, Result};
-
-/// `T` of a light-map problem on the CPU in f32.
-#[derive(Debug)]
-pub enum LightMapOperator {
-    /// One weight for all three channels.
-    Grey(Transport<LightMapTraversal, f32, 1>),
-    /// One weight a channel.
-    Colored(Transport<LightMapTraversal, f32, 3>),
-}
 
 /// The painted pixels of a scene as rows, and what they should become.
 ///
@@ -161,70 +153,6 @@ impl LightMapProblem {
     /// The constraint weights, one colour a row.
     pub fn weights(&self) -> CpuVector {
         CpuVector(self.constraints.iter().map(|pixel| [pixel.weight; 3]).collect())
-    }
-}
-
-impl LightMapOperator {
-    /// diag(Tᵀ diag(weights) T).
-    pub fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
-        match self {
-            Self::Grey(transport) => transport.squares(weights),
-            Self::Colored(transport) => transport.squares(weights),
-        }
-    }
-
-    /// The metric of tiles for rows with these weights, and `added` on its diagonal.
-    pub(super) fn tile_metric(
-        &self,
-        tiling: &Tiling,
-        weights: &[f64],
-        added: &[f64],
-    ) -> Result<Box<dyn Metric<CpuVector>>> {
-        Ok(match self {
-            Self::Grey(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
-            Self::Colored(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
-        })
-    }
-
-    /// How much of it is kept.
-    pub fn storage(&self) -> Storage {
-        match self {
-            Self::Grey(transport) => transport.storage(),
-            Self::Colored(transport) => transport.storage(),
-        }
-    }
-}
-
-impl LinearOperator for LightMapOperator {
-    type Domain = CpuVector;
-    type Range = CpuVector;
-
-    fn domain(&self) -> CpuVector {
-        match self {
-            Self::Grey(transport) => transport.domain(),
-            Self::Colored(transport) => transport.domain(),
-        }
-    }
-
-    fn range(&self) -> CpuVector {
-        match self {
-            Self::Grey(transport) => transport.range(),
-            Self::Colored(transport) => transport.range(),
-        }
-    }
-
-    fn apply(&self, x: &CpuVector, y: &mut CpuVector) -> Result<()> {
-        match self {
-            Self::Grey(transport) => transport.apply(x, y),
-            Self::Colored(transport) => transport.apply(x, y),
-        }
-    }
-
-    fn apply_adjoint(&self, y: &CpuVector, x: &mut CpuVector) -> Result<()> {
-        match self {
-            Self::Grey(transport) => transport.apply_adjoint(y, x),
-            Self::Colored(transport) => transport.apply_adjoint(y, x),
-        }
     }
 }
 

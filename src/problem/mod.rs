@@ -4,17 +4,23 @@ mod assess;
 mod constraints;
 mod extents;
 mod fill;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod light_map;
 mod painting;
 mod render;
 mod solution;
 mod system;
+mod transport;
 
 pub use assess::{Assessment, Assessor, Match};
 pub use constraints::{Constraint, constraints};
 pub use extents::{Maps, fit};
-pub use light_map::{LightMapOperator, LightMapProblem};
+#[cfg(feature = "gpu")]
+pub use gpu::GpuLightMapOperator;
+pub use light_map::LightMapProblem;
 pub use painting::paint;
 pub use render::{Rendering, render};
 pub use solution::{Paused, Snapshot, Solved, SystemOperator, measure, method, solve, vectors};
 pub use system::{System, Weights};
+pub use transport::{LightMapOperator, TransportOperator};

@@ -1,7 +1,7 @@
 use super::fill::fill;
 use super::system::{System, Weights};
-use super::{LightMapOperator, LightMapProblem};
-use crate::operator::{CpuVector, Stacked, Vector};
+use super::{LightMapProblem, TransportOperator};
+use crate::operator::{CpuVector, Indexed, Stacked, Vector};
 use crate::scene::{Rgb, SolveSettings, SolverName};
 use crate::solve::{
     Beginning, Cgls, Control, Fista, FlexibleCgls, History, Lbfgs, LeastSquares, Lsmr, Lsqr, Measure, Method,
@@ -41,11 +41,11 @@ pub trait Snapshot {
     fn state(&mut self) -> Result<State>;
 
     /// All texels as they are.
-    fn texels(&self) -> Vec<Rgb>;
+    fn texels(&self) -> Result<Vec<Rgb>>;
 }
 
 /// What a light-map problem is to a method.
-pub type SystemOperator<'a> = Stacked<'a, CpuVector>;
+pub type SystemOperator<'a, V = CpuVector> = Stacked<'a, V>;
 
 /// Minimizes `½ Σ w (T x − b)² + ½ Σ λᵢ ‖Rᵢ (x − x₀)‖², l ≤ x ≤ u` over the texels that painted rays reach.
 ///
@@ -56,7 +56,7 @@ pub type SystemOperator<'a> = Stacked<'a, CpuVector>;
 /// reached, and what the method and `each` report.
 pub fn solve(
     problem: &LightMapProblem,
-    operator: &LightMapOperator,
+    operator: &impl TransportOperator,
     coverage: &CpuVector,
     settings: &SolveSettings,
     resumed: Option<Paused>,
@@ -76,7 +76,7 @@ pub fn solve(
     let outcome = drive(&mut *method, &least_squares, beginning, &limits, |history, method| {
         each(history, &mut Moment { method, system: &system, problem })
     })?;
-    let light_map = finite(problem, system.all_texels(problem, method.solution()))?;
+    let light_map = finite(problem, system.all_texels(problem, method.solution())?)?;
     let light_map = if settings.fill { fill(problem, system.columns(), light_map)? } else { light_map };
     Ok(Solved {
         light_map,
@@ -89,10 +89,10 @@ pub fn solve(
 }
 
 /// The method of a name.
-pub fn method<'a>(
+pub fn method<'a, V: Vector + 'a>(
     name: SolverName,
-    operator: &SystemOperator<'a>,
-) -> Box<dyn Method<SystemOperator<'a>> + 'a> {
+    operator: &SystemOperator<'a, V>,
+) -> Box<dyn Method<SystemOperator<'a, V>> + 'a> {
     match name {
         SolverName::Fista => Box::new(Fista::new(operator)),
         SolverName::Spectral => Box::new(Spectral::new(operator)),
@@ -122,9 +122,10 @@ pub fn vectors(name: SolverName) -> Vectors {
 }
 
 /// The squared residuals at x, moved into the bounds: what progress is relative to.
-pub fn measure(problem: &LeastSquares<SystemOperator>, x: &CpuVector) -> Result<Measure> {
-    let (mut r, mut g) = (problem.rhs().zeros_like(), x.clone());
-    let mut x = x.clone();
+pub fn measure<V: Vector>(problem: &LeastSquares<SystemOperator<V>>, start: &V) -> Result<Measure> {
+    let (mut r, mut g) = (problem.rhs().zeros_like(), start.zeros_like());
+    let mut x = start.zeros_like();
+    x.copy_from(start);
     x.clamp(problem.bounds());
     problem.residual(&x, &mut r)?;
     problem.gradient(&r, &mut g)?;
@@ -146,18 +147,18 @@ fn finite(problem: &LightMapProblem, light_map: Vec<Rgb>) -> Result<Vec<Rgb>> {
     }
 }
 
-struct Moment<'a, 'b> {
-    method: &'a mut (dyn Method<SystemOperator<'b>> + 'b),
-    system: &'a System<'b>,
+struct Moment<'a, 'b, V: Indexed> {
+    method: &'a mut (dyn Method<SystemOperator<'b, V>> + 'b),
+    system: &'a System<'b, V>,
     problem: &'a LightMapProblem,
 }
 
-impl Snapshot for Moment<'_, '_> {
+impl<V: Indexed + 'static> Snapshot for Moment<'_, '_, V> {
     fn state(&mut self) -> Result<State> {
         save(self.method)
     }
 
-    fn texels(&self) -> Vec<Rgb> {
+    fn texels(&self) -> Result<Vec<Rgb>> {
         self.system.all_texels(self.problem, self.method.solution())
     }
 }

@@ -1,10 +1,11 @@
 use std::sync::Arc;
 
-use super::{Constraint, LightMapOperator, LightMapProblem};
+use super::transport::{brought, fetched};
+use super::{Constraint, LightMapProblem, TransportOperator};
 use crate::cpu::Tiling;
 use crate::operator::{
-    Blocks, Bounds, CpuVector, Gradient, Identity, Laplacian, LinearOperator, Metric, Neighbours, Restricted,
-    Scaled, Scaling, Stacked, Vector, Weighted,
+    Blocks, Bounds, CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Metric, Neighbours,
+    Restricted, Scaled, Scaling, Stacked, Vector, Weighted,
 };
 use crate::scene::{MetricName, Rgb, SolveSettings, Weight};
 use crate::solve::{LeastSquares, Limits, Rule, Term, choose_weight};
@@ -25,10 +26,10 @@ pub struct Weights {
 ///
 /// Rows of T are divided by the norm of a typical column, so that f32 serves media of any density alike and a λ relative
 /// to the columns is a λ.
-pub struct System<'a> {
-    operator: Stacked<'a, CpuVector>,
-    rhs: Blocks<CpuVector>,
-    start: CpuVector,
+pub struct System<'a, V: Indexed> {
+    operator: Stacked<'a, V>,
+    rhs: Blocks<V>,
+    start: V,
     bounds: Bounds,
     /// The texels that are unknown: those that a painted ray reaches.
     columns: Vec<u32>,
@@ -36,17 +37,17 @@ pub struct System<'a> {
     norm: f64,
     /// λ of the divided rows.
     weights: Weights,
-    metric: Option<Box<dyn Metric<CpuVector>>>,
+    metric: Option<Box<dyn Metric<V>>>,
     applications: usize,
 }
 
-impl<'a> System<'a> {
+impl<'a, V: Indexed + 'static> System<'a, V> {
     /// The system with the weights that the settings ask for. `coverage` is diag(Tᵀ diag(w) T) of this problem.
     ///
     /// Errors: [`Error::Value`] naming a setting or a constraint's weight, [`Error::Empty`] when no texel is reached.
     pub fn new(
         problem: &LightMapProblem,
-        operator: &'a LightMapOperator,
+        operator: &'a impl TransportOperator<Vector = V>,
         coverage: &CpuVector,
         settings: &SolveSettings,
     ) -> Result<Self> {
@@ -70,12 +71,12 @@ impl<'a> System<'a> {
     }
 
     /// [W T E; √λᵢ Rᵢ].
-    pub fn operator(&self) -> &Stacked<'a, CpuVector> {
+    pub fn operator(&self) -> &Stacked<'a, V> {
         &self.operator
     }
 
     /// x₀ of the unknown texels.
-    pub fn start(&self) -> &CpuVector {
+    pub fn start(&self) -> &V {
         &self.start
     }
 
@@ -90,7 +91,7 @@ impl<'a> System<'a> {
     }
 
     /// What a method solves.
-    pub fn problem(&self) -> LeastSquares<'_, Stacked<'a, CpuVector>> {
+    pub fn problem(&self) -> LeastSquares<'_, Stacked<'a, V>> {
         let problem = LeastSquares::new(&self.operator, &self.rhs).bounded(self.bounds);
         match &self.metric {
             Some(metric) => problem.measured(&**metric),
@@ -119,22 +120,24 @@ impl<'a> System<'a> {
     }
 
     /// All texels, given the unknown ones; the others keep the start, moved into the bounds.
-    pub fn all_texels(&self, problem: &LightMapProblem, x: &CpuVector) -> Vec<Rgb> {
+    pub fn all_texels(&self, problem: &LightMapProblem, x: &V) -> Result<Vec<Rgb>> {
         let mut start = CpuVector(vec![problem.start]);
         start.clamp(&self.bounds);
         let mut texels = vec![start.0[0]; problem.maps.light_map.len()];
-        self.columns.iter().zip(&x.0).for_each(|(&column, &value)| texels[column as usize] = value);
-        texels
+        let x = fetched(x)?;
+        self.columns.iter().zip(x).for_each(|(&column, value)| texels[column as usize] = value);
+        Ok(texels)
     }
 
     /// The unknown texels of all.
-    pub fn unknown(&self, texels: &[Rgb]) -> CpuVector {
-        CpuVector(self.columns.iter().map(|&column| texels[column as usize]).collect())
+    fn unknown(&self, texels: &[Rgb]) -> Result<V> {
+        let picked: Vec<Rgb> = self.columns.iter().map(|&column| texels[column as usize]).collect();
+        brought(self.operator.domain(), &picked)
     }
 
     fn without_regularization(
         problem: &LightMapProblem,
-        operator: &'a LightMapOperator,
+        operator: &'a impl TransportOperator<Vector = V>,
         coverage: &CpuVector,
         settings: &SolveSettings,
     ) -> Result<Self> {
@@ -147,11 +150,12 @@ impl<'a> System<'a> {
         }
         let norm = mean_squared_column_norm(coverage, columns.len()).sqrt();
         let factor = |weight: f32| [(f64::from(weight).sqrt() / norm) as f32; 3];
-        let factors = CpuVector(problem.constraints.iter().map(|pixel| factor(pixel.weight)).collect());
+        let factors: Vec<Rgb> = problem.constraints.iter().map(|pixel| factor(pixel.weight)).collect();
+        let factors = brought(operator.range(), &factors)?;
         let weighted = Weighted::new(Restricted::new(operator, columns.clone())?, factors)?;
         let mut start = weighted.domain();
         start.fill(problem.start.map(f64::from));
-        let mut targets = CpuVector(problem.targets.clone());
+        let mut targets = brought(weighted.range(), &problem.targets)?;
         weighted.weigh(&mut targets);
         let [lower, upper] = settings.bounds;
         Ok(Self {
@@ -167,7 +171,7 @@ impl<'a> System<'a> {
         })
     }
 
-    fn regularizers(&self, problem: &LightMapProblem) -> Result<Regularizers> {
+    fn regularizers(&self, problem: &LightMapProblem) -> Result<Regularizers<V>> {
         let neighbours = Arc::new(Neighbours::new(&problem.maps.light_map.size, &self.columns)?);
         Ok(Regularizers {
             tikhonov: Identity::scaled(&self.start, [1.0; 3]),
@@ -178,7 +182,7 @@ impl<'a> System<'a> {
     }
 
     /// The relative weights, with the one that is left open chosen by its rule.
-    fn choose(&mut self, settings: &SolveSettings, regularizers: &Regularizers) -> Result<Weights> {
+    fn choose(&mut self, settings: &SolveSettings, regularizers: &Regularizers<V>) -> Result<Weights> {
         let asked = settings.regularization;
         let asked = [asked.tikhonov, asked.gradient, asked.laplacian];
         let mut rule = None;
@@ -195,7 +199,7 @@ impl<'a> System<'a> {
             }
         }
         if let Some(rule) = rule {
-            let operators: [&dyn LinearOperator<Domain = CpuVector, Range = CpuVector>; 3] =
+            let operators: [&dyn LinearOperator<Domain = V, Range = V>; 3] =
                 [&regularizers.tikhonov, &regularizers.gradient, &regularizers.laplacian];
             let terms: Vec<_> = (0..3)
                 .filter(|&i| weights[i] != Some(0.0))
@@ -211,7 +215,7 @@ impl<'a> System<'a> {
     }
 
     /// Puts the regularizers below the data.
-    fn regularize(mut self, regularizers: Regularizers) -> Result<Self> {
+    fn regularize(mut self, regularizers: Regularizers<V>) -> Result<Self> {
         let Weights { tikhonov, gradient, laplacian } = self.weights;
         let Regularizers { tikhonov: identity, gradient: differences, laplacian: sums, .. } = regularizers;
         let root = |weight: f64| [weight.sqrt(); 3];
@@ -237,11 +241,11 @@ impl<'a> System<'a> {
     fn measure(
         &mut self,
         problem: &LightMapProblem,
-        operator: &LightMapOperator,
+        operator: &impl TransportOperator<Vector = V>,
         coverage: &CpuVector,
         settings: &SolveSettings,
-        regularizers: &Regularizers,
-    ) -> Result<Option<Box<dyn Metric<CpuVector>>>> {
+        regularizers: &Regularizers<V>,
+    ) -> Result<Option<Box<dyn Metric<V>>>> {
         let name = settings.metric_in_use();
         let square = self.norm.powi(2);
         let added = regularizers.diagonal(self.weights, name);
@@ -254,7 +258,7 @@ impl<'a> System<'a> {
                 return operator.tile_metric(&tiling, &weights, &added).map(Some);
             }
             MetricName::Jacobi => {
-                let mut squares = self.unknown(&coverage.0);
+                let mut squares = self.unknown(&coverage.0)?;
                 squares.scale([1.0 / square; 3]);
                 squares
             }
@@ -268,22 +272,23 @@ impl<'a> System<'a> {
                 ones
             }
         };
-        let mut diagonal: CpuVector = diagonal;
-        let added: Vec<[f64; 3]> = added.into_iter().map(|added| [added; 3]).collect();
-        diagonal.axpby([1.0; 3], &CpuVector::of(&added), [1.0; 3]);
+        let mut diagonal: V = diagonal;
+        let mut on_diagonal = self.operator.domain();
+        on_diagonal.set_from_host(&added.into_iter().map(|added| [added; 3]).collect::<Vec<_>>())?;
+        diagonal.axpby([1.0; 3], &on_diagonal, [1.0; 3]);
         Ok(Some(Box::new(Scaling::new(diagonal, name == MetricName::Sqs))))
     }
 }
 
 /// The regularizers of one lattice of unknowns, without their weights.
-struct Regularizers {
-    tikhonov: Identity<CpuVector>,
-    gradient: Gradient<CpuVector>,
-    laplacian: Laplacian<CpuVector>,
+struct Regularizers<V: Indexed> {
+    tikhonov: Identity<V>,
+    gradient: Gradient<V>,
+    laplacian: Laplacian<V>,
     neighbours: Arc<Neighbours>,
 }
 
-impl Regularizers {
+impl<V: Indexed> Regularizers<V> {
     /// Σ λ |R|ᵀ |R| 1, which majorizes them; for Jacobi the diagonal of Σ λ Rᵀ R.
     fn diagonal(&self, weights: Weights, metric: MetricName) -> Vec<f64> {
         let (of_gradient, of_laplacian) = match metric {

@@ -22,6 +22,9 @@ pub struct Report {
     pub backend: String,
     /// On which device, in words.
     pub device: String,
+    /// What a graphics adapter was given to do, where one computed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gpu: Option<Work>,
     /// What a painted colour meant: `tint` or `radiance`.
     pub target: String,
     /// The method that solved.
@@ -60,6 +63,23 @@ pub struct Report {
     pub adjoint_error: f64,
     /// Which unknowns the painted pixels determine.
     pub coverage: Coverage,
+}
+
+/// What a graphics adapter was given to do.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Work {
+    /// How often the processor has waited for it.
+    pub round_trips: u64,
+    /// The same an iteration of the solve; none for a solve of one iteration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub round_trips_an_iteration: Option<f64>,
+    /// Kernels that it ran.
+    pub dispatches: u64,
+    /// Bytes of its memory that were in use at the end.
+    pub bytes: u64,
+    /// Whether it gives the same bits in every run.
+    pub deterministic: bool,
 }
 
 /// The two ways of applying a row of the transport, counted.

@@ -1,6 +1,6 @@
 use super::data::{
     Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord,
-    ViewMatch,
+    ViewMatch, Work,
 };
 
 /// A filled report of an invented solve, for tests, examples and the documentation.
@@ -13,6 +13,13 @@ pub fn example() -> Report {
         scene: "chapel".into(),
         backend: "cpu".into(),
         device: "8 threads".into(),
+        gpu: Some(Work {
+            round_trips: 61,
+            round_trips_an_iteration: Some(1.0),
+            dispatches: 2_314,
+            bytes: 64 << 20,
+            deterministic: true,
+        }),
         target: "tint".into(),
         solver: "fista".into(),
         strategy: RowStrategy { name: "mixed".into(), kept_rows: 38_912, walked_rows: 2_326 },

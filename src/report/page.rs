@@ -228,7 +228,7 @@ pub(super) fn settings(report: &Report) -> String {
         ),
         ("Regularization".into(), regularization(report)),
         ("Adjoint error".into(), number(report.adjoint_error)),
-        ("Computed on".into(), format!("{}, {}", report.backend, report.device)),
+        ("Computed on".into(), computed_on(report)),
     ];
     pairs.extend(report.settings.iter().map(|(name, value)| (label(name), value.clone())));
     let rows: String = pairs
@@ -258,4 +258,16 @@ pub(super) fn closing(report: &Report) -> String {
         escaped(&report.version),
         include_str!("page.js")
     )
+}
+
+/// Backend and device in words, and what a graphics adapter had to do.
+fn computed_on(report: &Report) -> String {
+    let on = format!("{}, {}", report.backend, report.device);
+    let Some(gpu) = &report.gpu else { return on };
+    let trips = gpu.round_trips_an_iteration.map_or(String::new(), |trips| format!(" ({trips:.1} an iteration)"));
+    let sums = match gpu.deterministic {
+        true => "the same bits in every run",
+        false => "sums in any order, so that last digits differ from run to run",
+    };
+    format!("{on}; {} kernels, {} round trips{trips}; {sums}", count(gpu.dispatches), count(gpu.round_trips))
 }

@@ -1,0 +1,152 @@
+//! The part of `light-map` that what computes matters to: from the problem to its solution, and how well that does.
+
+use std::time::{Duration, Instant};
+
+use super::progress::{Steps, interrupted};
+use super::resume::Keeper;
+use crate::Result;
+use crate::cpu::Storage;
+use crate::operator::{CpuVector, adjoint_test};
+use crate::problem::{Assessment, Assessor, LightMapProblem, Paused, Solved, TransportOperator, solve};
+use crate::report::Work;
+use crate::scene::{Rgb, Scene};
+use crate::solve::Control;
+
+/// How often a checkpoint is written.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(10);
+/// The adjoint of this problem is tested with vectors made from this seed.
+const SEED: u64 = 1;
+
+/// A light-map problem on its way.
+pub(super) struct Task<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) problem: &'a LightMapProblem,
+    pub(super) checkpoint: &'a Keeper,
+    /// How often to call what shows the light map so far.
+    pub(super) preview_every: Option<usize>,
+}
+
+/// A light map, and what there is to know about it.
+pub(super) struct Computed {
+    pub(super) coverage: CpuVector,
+    pub(super) adjoint_error: f64,
+    pub(super) storage: Storage,
+    pub(super) solved: Solved,
+    pub(super) before: Assessment,
+    pub(super) after: Assessment,
+    /// `cpu` or `gpu`, and its name.
+    pub(super) backend: &'static str,
+    pub(super) device: String,
+    /// Waits for a graphics adapter an iteration.
+    trips_an_iteration: Option<f64>,
+    /// What a graphics adapter was given to do.
+    pub(super) work: Option<Work>,
+}
+
+impl Task<'_> {
+    /// Solves with the operator that `make` makes, and assesses the solution.
+    pub(super) fn compute<O: TransportOperator>(
+        &self,
+        make: impl FnOnce() -> Result<O>,
+        round_trips: impl Fn() -> u64,
+        resumed: Option<Paused>,
+        steps: &mut Steps,
+        preview: &dyn Fn(&[Rgb]) -> Result<()>,
+    ) -> Result<(Computed, O)> {
+        let (scene, problem) = (self.scene, self.problem);
+        steps.begin("walking", None);
+        let operator = make()?;
+        let coverage = operator.squares(&problem.weights())?;
+        let adjoint_error = adjoint_test(&operator, 1, SEED)?.error;
+        let storage = operator.storage();
+        tracing::info!(?storage, adjoint_error, "operator");
+
+        steps.begin("solving", Some(scene.solve.iterations as u64));
+        let mut saved = Instant::now();
+        // Round trips after the first iteration of this run, and after the last; and how many iterations lie between.
+        let mut waited: Option<[u64; 3]> = None;
+        let solved = solve(problem, &operator, &coverage, &scene.solve, resumed, |history, snapshot| {
+            let [first, last, iterations] = waited.unwrap_or([round_trips(), 0, 0]);
+            waited = Some(match last {
+                0 => [first, first, 0],
+                _ => [first, round_trips(), iterations + 1],
+            });
+            if let Some(last) = history.progress.last() {
+                let worst = last.normal_residual.iter().copied().fold(0.0, f64::max);
+                steps.advance(last.iteration as u64, format!("normal residual {worst:.1e}"));
+                if self.preview_every.is_some_and(|every| last.iteration % every == 0) {
+                    preview(&snapshot.texels()?)?;
+                }
+            }
+            if saved.elapsed() > CHECKPOINT_EVERY {
+                self.checkpoint.keep(history, &snapshot.state()?);
+                saved = Instant::now();
+            }
+            Ok(if interrupted() { Control::Stop } else { Control::Continue })
+        })?;
+
+        steps.begin("assessing", None);
+        let views = scene.views.len();
+        let assessor = Assessor::new(problem, &operator)?;
+        let start = vec![problem.start; problem.maps.light_map.len()];
+        let before = assessor.assess(&start, views)?;
+        let after = assessor.assess(&solved.light_map, views)?;
+        let computed = Computed {
+            coverage,
+            adjoint_error,
+            storage,
+            solved,
+            before,
+            after,
+            backend: "cpu",
+            device: format!("{}, {} threads", super::machine::processor(), rayon::current_num_threads()),
+            trips_an_iteration: waited
+                .filter(|[_, _, iterations]| *iterations > 0)
+                .map(|[first, last, iterations]| (last - first) as f64 / iterations as f64),
+            work: None,
+        };
+        Ok((computed, operator))
+    }
+
+    /// The same on the processor.
+    pub(super) fn on_cpu(
+        &self,
+        resumed: Option<Paused>,
+        steps: &mut Steps,
+        preview: &dyn Fn(&[Rgb]) -> Result<()>,
+    ) -> Result<Computed> {
+        let make = || self.problem.operator(self.scene, super::job::budget(self.scene, self.problem)?);
+        Ok(self.compute(make, || 0, resumed, steps, preview)?.0)
+    }
+
+    /// The same on a graphics adapter.
+    #[cfg(feature = "gpu")]
+    pub(super) fn on_gpu(
+        &self,
+        gpu: &crate::gpu::Gpu,
+        deterministic: bool,
+        resumed: Option<Paused>,
+        steps: &mut Steps,
+        preview: &dyn Fn(&[Rgb]) -> Result<()>,
+    ) -> Result<Computed> {
+        use crate::problem::GpuLightMapOperator;
+        let make = || {
+            let budget = super::job::budget(self.scene, self.problem)?;
+            GpuLightMapOperator::new(gpu, self.problem, self.scene.solve.strategy, budget, deterministic)
+        };
+        let (computed, operator) = self.compute(make, || gpu.round_trips(), resumed, steps, preview)?;
+        let record = gpu.record();
+        Ok(Computed {
+            backend: "gpu",
+            device: format!("{} ({}, {})", record.name, record.interface, record.driver),
+            work: Some(Work {
+                round_trips: gpu.round_trips(),
+                round_trips_an_iteration: computed.trips_an_iteration,
+                dispatches: gpu.dispatches(),
+                bytes: gpu.held(),
+                deterministic: operator.is_deterministic(),
+            }),
+            ..computed
+        })
+    }
+}

@@ -1,0 +1,160 @@
+use super::transport::{brought, fetched};
+use super::{LightMapOperator, LightMapProblem, TransportOperator};
+use crate::cpu::{Rows, Storage, TileMetric, Tiling};
+use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, RowTable, Transport, Walked};
+use crate::march::Weight;
+use crate::operator::{CpuVector, LinearOperator, Metric};
+use crate::scene::Strategy;
+use crate::{Error, Result};
+
+/// `T` of a light-map problem on a graphics adapter.
+///
+/// Rows that are kept are walked once by the processor, in f64; rows that are not are walked by the adapter.
+#[derive(Debug)]
+pub struct GpuLightMapOperator {
+    gpu: Gpu,
+    transport: Transport,
+    /// The same rows on the processor: what the kept ones and the tiles are made from.
+    rows: LightMapOperator,
+    storage: Storage,
+}
+
+impl GpuLightMapOperator {
+    /// Keeps all rows on the adapter where `strategy` and the `budget` in bytes allow, else walks them there; `deterministic`
+    /// sums are the same in every run.
+    ///
+    /// Errors: [`Error::TooLarge`] when all rows must be kept and exceed the budget, [`Error::AdapterMemory`].
+    pub fn new(
+        gpu: &Gpu,
+        problem: &LightMapProblem,
+        strategy: Strategy,
+        budget: u64,
+        deterministic: bool,
+    ) -> Result<Self> {
+        let channels = if problem.is_grey() { 1 } else { 3 };
+        let (rows, elements) = (problem.constraints.len(), problem.maps.light_map.len());
+        let bytes = Kept::bytes(problem.plan.nonzeros, rows, elements, channels);
+        let kept = match strategy {
+            Strategy::MatrixFree => None,
+            // Once on the adapter, once on the processor while it is made.
+            _ if 2 * bytes <= budget => match Self::keep(gpu, problem) {
+                Err(error) if strategy == Strategy::Auto && is_of_size(&error) => None,
+                kept => Some(kept?),
+            },
+            Strategy::Assembled => {
+                return Err(Error::TooLarge {
+                    what: "the assembled transport on an adapter".to_owned(),
+                    needed: format!("{} bytes", 2 * bytes),
+                    limit: format!("{budget} bytes"),
+                    remedy: "raise --memory, lower the sizes, or choose the strategy `auto` or `matrix-free`",
+                });
+            }
+            Strategy::Auto => None,
+        };
+        let (transport, rows, storage) = match kept {
+            Some((kept, rows)) => {
+                let storage = Storage {
+                    kept_rows: rows.storage().kept_rows,
+                    walked_rows: 0,
+                    kept_nonzeros: kept.nonzeros() as u64,
+                    bytes,
+                };
+                (Transport::Kept(kept), rows, storage)
+            }
+            None => {
+                let walked = Walked::new(gpu, &problem.traversal, !problem.is_grey(), deterministic)?;
+                let storage = Storage { walked_rows: rows, ..Storage::default() };
+                (Transport::Walked(walked), problem.operator_with(Strategy::MatrixFree, 0)?, storage)
+            }
+        };
+        Ok(Self { gpu: gpu.clone(), transport, rows, storage })
+    }
+
+    fn keep(gpu: &Gpu, problem: &LightMapProblem) -> Result<(Kept, LightMapOperator)> {
+        let rows = problem.operator_with(Strategy::Assembled, u64::MAX)?;
+        let table = match &rows {
+            LightMapOperator::Grey(transport) => table(transport),
+            LightMapOperator::Colored(transport) => table(transport),
+        };
+        Ok((Kept::new(gpu, &table, problem.maps.light_map.len())?, rows))
+    }
+
+    /// Whether its products are the same bits in every run.
+    pub fn is_deterministic(&self) -> bool {
+        match &self.transport {
+            Transport::Kept(_) => true,
+            Transport::Walked(walked) => walked.accumulation() == Accumulation::Fixed,
+        }
+    }
+}
+
+/// Whether an error says that something is too large, so that something smaller may do.
+fn is_of_size(error: &Error) -> bool {
+    matches!(error, Error::TooLarge { .. } | Error::AdapterMemory { .. })
+}
+
+fn table<const C: usize>(rows: &impl Rows<f32, C>) -> RowTable {
+    let mut table = RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); C] };
+    for row in 0..rows.rows() {
+        rows.visit(row, &mut |element, weight: Weight<f32, C>| {
+            table.elements.push(element as u32);
+            table.weights.iter_mut().zip(weight).for_each(|(weights, weight)| weights.push(weight));
+        });
+        table.offsets.push(table.elements.len());
+    }
+    table
+}
+
+impl LinearOperator for GpuLightMapOperator {
+    type Domain = GpuVector;
+    type Range = GpuVector;
+
+    fn domain(&self) -> GpuVector {
+        self.transport.domain()
+    }
+
+    fn range(&self) -> GpuVector {
+        self.transport.range()
+    }
+
+    fn apply(&self, x: &GpuVector, y: &mut GpuVector) -> Result<()> {
+        self.transport.apply(x, y)
+    }
+
+    fn apply_adjoint(&self, y: &GpuVector, x: &mut GpuVector) -> Result<()> {
+        self.transport.apply_adjoint(y, x)
+    }
+}
+
+impl TransportOperator for GpuLightMapOperator {
+    type Vector = GpuVector;
+
+    fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
+        let (y, mut x) = (brought(self.range(), &weights.0)?, self.domain());
+        self.transport.squares(&y, &mut x)?;
+        Ok(CpuVector(fetched(&x)?))
+    }
+
+    fn tile_metric(
+        &self,
+        tiling: &Tiling,
+        weights: &[f64],
+        added: &[f64],
+    ) -> Result<Box<dyn Metric<GpuVector>>> {
+        let (gpu, unknowns) = (&self.gpu, added.len());
+        Ok(Box::new(match &self.rows {
+            LightMapOperator::Grey(transport) => {
+                let metric = TileMetric::new(transport, tiling, weights, added)?;
+                gpu::TileMetric::new(gpu, unknowns, metric.blocks())?
+            }
+            LightMapOperator::Colored(transport) => {
+                let metric = TileMetric::new(transport, tiling, weights, added)?;
+                gpu::TileMetric::new(gpu, unknowns, metric.blocks())?
+            }
+        }))
+    }
+
+    fn storage(&self) -> Storage {
+        self.storage
+    }
+}
