@@ -2,7 +2,9 @@
 //!
 //! Where there is no adapter these tests are ignored, and seen to be; `./test.sh` installs a software adapter and runs them.
 
+mod solving;
 mod transport;
+mod twins;
 mod vectors;
 
 use unscatter::gpu::{Choice, Gpu};

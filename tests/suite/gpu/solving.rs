@@ -1,0 +1,269 @@
+//! The same solvers on the device: the metric of tiles against its twin, and whole problems against the processor.
+
+use unscatter::Error;
+use unscatter::cpu::{Rows, TileMetric, Tiling};
+use unscatter::gpu::{self, Choice, Gpu, GpuVector};
+use unscatter::io::scene_file;
+use unscatter::operator::{Bounds, CpuVector, Indexed, Metric, Vector};
+use unscatter::problem::{
+    Assessor, GpuLightMapOperator, LightMapProblem, Solved, TransportOperator, solve,
+};
+use unscatter::scene::{MetricName, Rgb, Scene, SolverName, Strategy, Weight};
+use unscatter::solve::Control;
+
+use super::{device, gpu, narrow, open, random, relative_difference};
+use crate::scenes::Numbers;
+use crate::tolerances::{DEVICE_LIGHT_MAP, DEVICE_OBJECTIVE, DEVICE_TILES};
+
+/// Random rows over a lattice of 23 × 17, without negative weights.
+struct Random<const C: usize>(Vec<Vec<(usize, [f32; C])>>);
+
+impl<const C: usize> Random<C> {
+    fn new() -> Self {
+        let mut n = Numbers(77);
+        let row = |n: &mut Numbers| {
+            let mut row = Vec::new();
+            for element in 0..23 * 17 {
+                if n.next().is_multiple_of(9) {
+                    row.push((element, std::array::from_fn(|_| n.uniform(0.1, 1.0) as f32)));
+                }
+            }
+            row
+        };
+        Self((0..120).map(|_| row(&mut n)).collect())
+    }
+}
+
+impl<const C: usize> Rows<f32, C> for Random<C> {
+    fn rows(&self) -> usize {
+        self.0.len()
+    }
+
+    fn visit(&self, row: usize, visit: &mut impl FnMut(usize, [f32; C])) {
+        self.0[row].iter().for_each(|&(element, weight)| visit(element, weight));
+    }
+}
+
+/// Everything that a metric does, on the host.
+fn metric_at_work<V: Indexed>(metric: &dyn Metric<V>, zeros: &V, unknowns: usize) -> [Vec<[f64; 3]>; 3] {
+    let bounds = Bounds::new([0.0, -0.2, f64::NEG_INFINITY], [0.4, f64::INFINITY, f64::INFINITY]).unwrap();
+    let (mut stretched, mut shrunk) = (random(zeros.zeros(unknowns), 1), random(zeros.zeros(unknowns), 2));
+    metric.stretch(&mut stretched);
+    metric.shrink(&mut shrunk);
+    let (mut x, mut y) = (random(zeros.zeros(unknowns), 3), random(zeros.zeros(unknowns), 4));
+    y.clamp(&bounds);
+    metric.descend(&mut x, &y, [1.0, 2.0, 0.5], &bounds);
+    [stretched, shrunk, x].map(|vector| vector.to_host().unwrap())
+}
+
+fn tiles<const C: usize>(gpu: &Gpu) {
+    let columns: Vec<u32> = (0..23 * 17).filter(|k| k % 5 != 2).collect();
+    let tiling = Tiling::new([23, 17], &columns);
+    let added: Vec<f64> = (0..columns.len()).map(|k| 0.01 * (k % 3) as f64).collect();
+    let metric = TileMetric::<f32, C>::new(&Random::<C>::new(), &tiling, &[1.0; 120], &added).unwrap();
+    let there = gpu::TileMetric::new(gpu, columns.len(), metric.blocks()).unwrap();
+    let truth = metric_at_work(&metric, &CpuVector::zeros(0), columns.len());
+    let got = metric_at_work(&there, &device(gpu, 0), columns.len());
+    for (name, (truth, got)) in ["stretch", "shrink", "descend"].into_iter().zip(truth.iter().zip(&got)) {
+        let error = relative_difference(got, truth);
+        assert!(error <= DEVICE_TILES, "{name}: {error:e}");
+    }
+    // One block wrong is noticed.
+    let mut blocks: Vec<(Vec<u32>, Vec<[f32; C]>)> =
+        metric.blocks().map(|(members, matrix)| (members.to_vec(), matrix.to_vec())).collect();
+    blocks[1].1.iter_mut().for_each(|entry| entry[0] *= 1.1);
+    let sabotaged = gpu::TileMetric::new(gpu, columns.len(), blocks.iter().map(|(m, b)| (&m[..], &b[..])));
+    let got = metric_at_work(&sabotaged.unwrap(), &device(gpu, 0), columns.len());
+    assert!((0..3).all(|k| relative_difference(&got[k], &truth[k]) > DEVICE_TILES));
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn tiles_are_those_of_the_twin() {
+    // All at once; a channel at a time and few tiles at once.
+    for gpu in [gpu(), narrow(64 * 64 * 3 * 4)] {
+        tiles::<1>(&gpu);
+        tiles::<3>(&gpu);
+    }
+}
+
+/// A demo scene.
+fn demo(name: &str) -> Scene {
+    let file = format!("{}/strokes/{name}.json", env!("CARGO_MANIFEST_DIR"));
+    scene_file::load(file.as_ref(), &[]).unwrap()
+}
+
+fn solved(problem: &LightMapProblem, operator: &impl TransportOperator, scene: &Scene) -> (Solved, f64) {
+    let coverage = operator.squares(&problem.weights()).unwrap();
+    let solved =
+        solve(problem, operator, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue)).unwrap();
+    let shown = Assessor::new(problem, operator).unwrap().assess(&solved.light_map, scene.views.len()).unwrap();
+    let start = vec![problem.start; solved.light_map.len()];
+    let before = Assessor::new(problem, operator).unwrap().assess(&start, scene.views.len()).unwrap();
+    (solved, shown.all.residual.powi(2) / before.all.residual.powi(2))
+}
+
+fn on_device(scene: &Scene, problem: &LightMapProblem, gpu: &Gpu, deterministic: bool) -> GpuLightMapOperator {
+    GpuLightMapOperator::new(gpu, problem, scene.solve.strategy, u64::MAX, deterministic).unwrap()
+}
+
+/// ‖a − b‖ / ‖b‖.
+fn apart(a: &[Rgb], b: &[Rgb]) -> f64 {
+    let wide = |map: &[Rgb]| map.iter().map(|texel| texel.map(f64::from)).collect::<Vec<_>>();
+    relative_difference(&wide(a), &wide(b))
+}
+
+/// Light maps and objectives of the processor and of a device.
+fn compare(scene: &Scene, problem: &LightMapProblem, gpu: &Gpu) -> [f64; 2] {
+    let (here, objective) = solved(problem, &problem.operator(scene, u64::MAX).unwrap(), scene);
+    let (there, its_objective) = solved(problem, &on_device(scene, problem, gpu, false), scene);
+    assert_eq!(here.outcome.stop, there.outcome.stop);
+    [apart(&there.light_map, &here.light_map), (its_objective / objective - 1.0).abs()]
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn a_demo_scene_is_solved_as_on_the_processor() {
+    for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
+        let mut scene = demo("citadel");
+        scene.solve.strategy = strategy;
+        let problem = LightMapProblem::new(&scene).unwrap();
+        let [light_map, objective] = compare(&scene, &problem, &gpu());
+        assert!(light_map <= DEVICE_LIGHT_MAP, "{strategy:?}: light maps are {light_map:e} apart");
+        assert!(objective <= DEVICE_OBJECTIVE, "{strategy:?}: objectives are {objective:e} apart");
+    }
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn another_medium_is_noticed() {
+    let scene = demo("citadel");
+    let mut thicker = demo("citadel");
+    thicker.medium.sigma_t = thicker.medium.sigma_t.map(|sigma| 1.01 * sigma);
+    let (problem, other) = (LightMapProblem::new(&scene).unwrap(), LightMapProblem::new(&thicker).unwrap());
+    let (here, _) = solved(&problem, &problem.operator(&scene, u64::MAX).unwrap(), &scene);
+    let (there, _) = solved(&other, &on_device(&thicker, &other, &gpu(), false), &thicker);
+    assert!(apart(&there.light_map, &here.light_map) > DEVICE_LIGHT_MAP);
+}
+
+/// A demo scene of few texels and some of its painted pixels, for eight iterations. Methods of conjugate gradients lose
+/// their orthogonality in f32 after more, on the processor as on a device, and then part.
+fn small(solver: SolverName) -> (Scene, LightMapProblem) {
+    let mut scene = demo("nave");
+    scene.light_map.size = [96, 96];
+    scene.shadow_map.size = [256, 256];
+    scene.solve.solver = solver;
+    scene.solve.iterations = 8;
+    scene.solve.tolerance = 0.0;
+    let problem = LightMapProblem::new(&scene).unwrap().sampled(5000);
+    (scene, problem)
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn every_solver_takes_the_same_path() {
+    let gpu = gpu();
+    for solver in SolverName::ALL {
+        let (mut scene, problem) = small(solver);
+        scene.solve.regularization.gradient = Weight::Relative(1e-3);
+        scene.solve.regularization.laplacian = Weight::Relative(1e-4);
+        let [light_map, objective] = compare(&scene, &problem, &gpu);
+        assert!(light_map <= DEVICE_LIGHT_MAP, "{solver:?}: light maps are {light_map:e} apart");
+        assert!(objective <= DEVICE_OBJECTIVE, "{solver:?}: objectives are {objective:e} apart");
+    }
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn every_metric_and_the_choice_of_a_weight_are_the_same() {
+    let gpu = gpu();
+    for metric in [MetricName::Tiles, MetricName::Sqs, MetricName::Jacobi, MetricName::None] {
+        let (mut scene, problem) = small(SolverName::Fista);
+        scene.solve.metric = metric;
+        scene.solve.regularization.tikhonov = Weight::Gcv;
+        let [light_map, objective] = compare(&scene, &problem, &gpu);
+        assert!(light_map <= DEVICE_LIGHT_MAP, "{metric:?}: light maps are {light_map:e} apart");
+        assert!(objective <= DEVICE_OBJECTIVE, "{metric:?}: objectives are {objective:e} apart");
+    }
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn ten_deterministic_runs_give_the_same_bytes() {
+    let gpu = gpu();
+    let (mut scene, problem) = small(SolverName::Fista);
+    scene.solve.strategy = Strategy::MatrixFree;
+    let run = || {
+        let operator = on_device(&scene, &problem, &gpu, true);
+        assert!(operator.is_deterministic());
+        solved(&problem, &operator, &scene).0.light_map
+    };
+    let bits = |map: Vec<Rgb>| map.iter().flatten().map(|value| value.to_bits()).collect::<Vec<_>>();
+    let first = bits(run());
+    (1..10).for_each(|_| assert_eq!(bits(run()), first));
+    // What is kept is gathered in order, whatever was asked for.
+    scene.solve.strategy = Strategy::Assembled;
+    assert!(on_device(&scene, &problem, &gpu, false).is_deterministic());
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn an_iteration_of_the_default_waits_once() {
+    let gpu = gpu();
+    let (scene, problem) = small(SolverName::Fista);
+    let operator = on_device(&scene, &problem, &gpu, false);
+    let coverage = operator.squares(&problem.weights()).unwrap();
+    let mut waits = Vec::new();
+    solve(&problem, &operator, &coverage, &scene.solve, None, |_, _| {
+        waits.push(gpu.round_trips());
+        Ok(Control::Continue)
+    })
+    .unwrap();
+    assert!(waits.len() == 8);
+    assert!(waits.windows(2).all(|pair| pair[1] - pair[0] == 1), "{waits:?}");
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn a_device_that_is_lost_is_an_error_and_the_state_before_is_worth_something() {
+    let gpu = gpu();
+    let (scene, problem) = small(SolverName::Fista);
+    let operator = on_device(&scene, &problem, &gpu, false);
+    let coverage = operator.squares(&problem.weights()).unwrap();
+    let mut kept = None;
+    let lost = solve(&problem, &operator, &coverage, &scene.solve, None, |history, snapshot| {
+        if history.progress.len() == 3 {
+            kept = Some(unscatter::problem::Paused { history: history.clone(), state: snapshot.state()? });
+        }
+        if history.progress.len() == 5 {
+            gpu.destroy();
+        }
+        Ok(Control::Continue)
+    });
+    let Err(error) = lost else { panic!("a lost device was not noticed") };
+    assert!(matches!(&error, Error::Adapter { .. }) && error.is_of_adapter(), "{error}");
+    assert!(error.to_string().contains("lost"), "{error}");
+    // Everything after that says the same, and the processor goes on from where the device was.
+    assert!(operator.squares(&problem.weights()).is_err());
+    let here = problem.operator(&scene, u64::MAX).unwrap();
+    let resumed = solve(&problem, &here, &coverage, &scene.solve, kept, |_, _| Ok(Control::Continue)).unwrap();
+    let whole = solve(&problem, &here, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue)).unwrap();
+    assert!(apart(&resumed.light_map, &whole.light_map) <= DEVICE_LIGHT_MAP);
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn what_exceeds_a_binding_is_taken_in_slabs_and_what_exceeds_the_memory_is_refused() {
+    let (scene, problem) = small(SolverName::Fista);
+    let whole = solved(&problem, &on_device(&scene, &problem, &gpu(), false), &scene);
+    // A channel of the light map takes 36 KiB, the shadow map 256 KiB, the rows more.
+    let sliced = solved(&problem, &on_device(&scene, &problem, &narrow(300 << 10), false), &scene);
+    assert!(apart(&sliced.0.light_map, &whole.0.light_map) <= DEVICE_LIGHT_MAP);
+    let crowded = open(Choice { fault: Some(gpu::Fault::Memory), ..Choice::default() });
+    let refused = GpuLightMapOperator::new(&crowded, &problem, Strategy::Assembled, u64::MAX, false);
+    assert!(matches!(&refused, Err(Error::AdapterMemory { .. })), "{refused:?}");
+    let refused = GpuLightMapOperator::new(&gpu(), &problem, Strategy::Assembled, 1 << 20, false);
+    assert!(matches!(&refused, Err(Error::TooLarge { .. })), "{refused:?}");
+    let mut large = GpuVector::zeros(&crowded, 100_000);
+    assert!(large.set_from_host(&vec![[0.0; 3]; 100_000]).is_err());
+}

@@ -1,0 +1,74 @@
+//! Kernel, host side and twin on the processor stand side by side, and none of the three is missing.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+use unscatter::gpu::kernel_texts;
+
+/// Of each kernel: who dispatches it, the file of its twin on the processor, and what the twin is called there.
+const TWINS: &[(&str, &str, &str, &str)] = &[
+    ("axpby", "vector", "operator/cpu_vector", "fn axpby"),
+    ("clamp", "vector", "operator/cpu_vector", "fn clamp"),
+    ("difference", "vector", "operator/cpu_vector", "fn difference"),
+    ("divergence", "vector", "operator/cpu_vector", "fn divergence"),
+    ("dot", "vector", "operator/cpu_vector", "fn dot_later"),
+    ("fill", "vector", "operator/cpu_vector", "fn fill"),
+    // Sums on the processor need no fixed point: they are made in order, in f64.
+    ("fixed_finish", "vector", "cpu/rows", "fn scatter"),
+    ("fixed_scale", "fixed_point", "cpu/rows", "fn scatter"),
+    ("hold", "vector", "operator/cpu_vector", "fn hold("),
+    ("hold_at_bounds", "vector", "operator/cpu_vector", "fn hold_at_bounds"),
+    ("invert", "vector", "operator/cpu_vector", "fn invert"),
+    ("largest_bits", "vector", "cpu/rows", "fn scatter"),
+    ("largest_step", "vector", "operator/cpu_vector", "fn largest_step"),
+    ("light_map_gather", "light_map", "cpu/transport", "fn gather"),
+    ("light_map_scatter", "light_map", "cpu/transport", "fn apply_adjoint"),
+    ("light_map_squares", "light_map", "cpu/transport", "fn squares"),
+    ("multiply", "vector", "operator/cpu_vector", "fn multiply"),
+    ("pick", "vector", "operator/cpu_vector", "fn pick"),
+    ("place", "vector", "operator/cpu_vector", "fn place"),
+    ("projected_norm_squared", "vector", "operator/cpu_vector", "fn projected_norm_squared_later"),
+    ("rows", "rows", "cpu/rows", "fn gather"),
+    ("scale", "vector", "operator/cpu_vector", "fn scale"),
+    ("shorten", "vector", "operator/cpu_vector", "fn shorten"),
+    ("tiles", "tiles", "cpu/tiles", "fn sweep"),
+];
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The kernels that lie in a folder.
+fn files(folder: &str) -> BTreeSet<String> {
+    let entries = fs::read_dir(root().join(folder)).unwrap();
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    names.filter_map(|name| name.strip_suffix(".wgsl").map(str::to_owned)).collect()
+}
+
+#[test]
+fn no_kernel_is_without_its_host_side_and_its_twin() {
+    let named: BTreeSet<String> = TWINS.iter().map(|(name, ..)| (*name).to_owned()).collect();
+    assert_eq!(files("kernels"), named);
+    let assembled: BTreeSet<String> = kernel_texts().into_iter().map(|text| text.name.to_owned()).collect();
+    assert_eq!(assembled, named);
+    let read = |file: String| fs::read_to_string(root().join("src").join(file)).unwrap();
+    for (name, host, twin, function) in TWINS {
+        let words: String = name.split('_').map(|word| word[..1].to_uppercase() + &word[1..]).collect();
+        let variant = match name.strip_prefix("light_map_") {
+            Some(consumer) => format!("Consumer::{}{}", consumer[..1].to_uppercase(), &consumer[1..]),
+            None => format!("Kernel::{words}"),
+        };
+        assert!(read(format!("gpu/{host}.rs")).contains(&variant), "{variant} is not in gpu/{host}.rs");
+        assert!(read(format!("{twin}.rs")).contains(function), "{function} is not in {twin}.rs");
+    }
+}
+
+#[test]
+fn every_text_of_the_prelude_is_part_of_a_kernel() {
+    let texts = kernel_texts();
+    for name in files("kernels/prelude") {
+        let text = fs::read_to_string(root().join("kernels/prelude").join(format!("{name}.wgsl"))).unwrap();
+        assert!(texts.iter().any(|kernel| kernel.source.contains(&text)), "prelude/{name}.wgsl is used nowhere");
+    }
+}
