@@ -1,6 +1,8 @@
 //! The command as a person uses it: real files in, real files out, exit code and message.
 
 mod bad_input;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod interrupt;
 mod light_map;
 mod matrix;
@@ -53,10 +55,15 @@ impl Desk {
         serde_json::from_slice(&self.read(name)).unwrap()
     }
 
-    /// Runs the program in this folder; relative paths are relative to it.
+    /// Runs the program in this folder, where it finds no graphics adapter; relative paths are relative to it.
     pub fn run(&self, arguments: &[&str]) -> Ran {
+        self.run_in(arguments, &[("VK_DRIVER_FILES", "none"), ("VK_ICD_FILENAMES", "none")])
+    }
+
+    /// Runs the program in this folder with these variables in its environment.
+    pub fn run_in(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Ran {
         let mut command = assert_cmd::Command::new(PROGRAM);
-        command.current_dir(self.0.path()).args(arguments).timeout(PATIENCE);
+        command.current_dir(self.0.path()).args(arguments).envs(variables.iter().copied()).timeout(PATIENCE);
         Ran::of(arguments, &command.output().unwrap())
     }
 

@@ -137,6 +137,7 @@ fn doctor_describes_the_machine() {
     let desk = Desk::new();
     let doctor = desk.done(&["doctor", "--json", "--threads", "2"]).json();
     assert_eq!((&doctor["backend"], &doctor["threads"]), (&json!("cpu"), &json!(2)));
+    assert_eq!(doctor["adapters"], json!([]));
     assert!(doctor["memory_budget"].as_u64().unwrap() > 0);
     assert!(desk.done(&["doctor"]).out.contains(env!("CARGO_PKG_VERSION")));
 }
