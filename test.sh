@@ -6,34 +6,55 @@ export CARGO_TERM_COLOR="${CARGO_TERM_COLOR:-auto}"
 
 say() { printf '\n== %s\n' "$*"; }
 
+install() {
+  local as_root=""
+  [ "$(id -u)" -eq 0 ] || as_root="sudo"
+  $as_root apt-get update -q
+  $as_root apt-get install -qy --no-install-recommends "$@"
+}
+
 # A linker is all that Rust itself does not bring.
 if ! command -v cc >/dev/null; then
   say "installing a C compiler for linking"
-  as_root=""
-  [ "$(id -u)" -eq 0 ] || as_root="sudo"
-  $as_root apt-get update -q
-  $as_root apt-get install -qy --no-install-recommends gcc libc6-dev
+  install gcc libc6-dev
 fi
 for part in rustfmt clippy; do
   cargo "${part/rustfmt/fmt}" --version >/dev/null 2>&1 || rustup component add "$part"
 done
+
+out="$(mktemp -d)"
+trap 'rm -rf "$out"' EXIT
+# Where there is no session, Mesa complains about it on standard error.
+export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$out}"
 
 say "format"
 cargo fmt --all --check
 
 say "lints"
 cargo clippy --all-targets --locked --release -- -D warnings
+cargo clippy --all-targets --locked --release --no-default-features -- -D warnings
+
+say "graphics adapters"
+has_adapter() { cargo run --locked --release --quiet -- doctor | grep -q '  answers   right'; }
+if ! has_adapter && command -v apt-get >/dev/null; then
+  say "installing Mesa's software adapter"
+  install mesa-vulkan-drivers || true
+fi
+cargo run --locked --release --quiet -- doctor
+ignored=()
+if has_adapter; then ignored=(--include-ignored); else say "no adapter: the tests that need one are ignored"; fi
 
 say "tests"
-cargo test --locked --release --lib --bins --test suite
+cargo test --locked --release --lib --bins --test suite -- "${ignored[@]}"
+
+say "tests without the GPU backend"
+cargo test --locked --release --no-default-features --lib --bins --test suite
 
 say "documentation"
 RUSTDOCFLAGS="-D warnings" cargo doc --locked --release --no-deps --quiet
 cargo test --locked --release --doc
 
 say "examples"
-out="$(mktemp -d)"
-trap 'rm -rf "$out"' EXIT
 for example in examples/*; do
   name="$(basename "$example" .rs)"
   printf -- '-- %s\n' "$name"

@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3};
 use unscatter::cpu::{Transport, WalkPlan};
 use unscatter::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use unscatter::operator::{Blocks, CpuVector, Identity, LinearOperator, Stacked, Vector};
-use unscatter::problem::LightMapProblem;
+use unscatter::problem::{LightMapProblem, TransportOperator};
 use unscatter::scene::{
     Basis, Camera, Extent, FovAxis, Grid, LightFrame, Medium, Quadrature, ShadowMap, Strategy, look_at,
 };

@@ -9,8 +9,7 @@ use std::path::PathBuf;
 
 use glam::{DAffine3, DVec3};
 use unscatter::io::image::write_png;
-use unscatter::operator::CpuVector;
-use unscatter::problem::{Assessor, LightMapProblem, render, solve};
+use unscatter::problem::{Assessor, LightMapProblem, TransportOperator, render, solve};
 use unscatter::scene::{
     Camera, DirectionalLight, FovAxis, Geometry, Image, MapSettings, Medium, Primitive, Scene, SolveSettings,
     Stroke, Target, View, look_at,
@@ -80,10 +79,10 @@ fn main() -> unscatter::Result<()> {
     let coverage = operator.squares(&problem.weights())?;
 
     let solved = solve(&problem, &operator, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue))?;
-    let start = CpuVector(vec![problem.start; problem.maps.light_map.len()]);
+    let start = vec![problem.start; problem.maps.light_map.len()];
     let assessor = Assessor::new(&problem, &operator)?;
     let before = assessor.assess(&start, scene.views.len())?.all;
-    let after = assessor.assess(&CpuVector(solved.light_map.clone()), scene.views.len())?.all;
+    let after = assessor.assess(&solved.light_map, scene.views.len())?.all;
     println!("{} painted pixels, stopped at {:?}", problem.constraints.len(), solved.outcome.stop);
     println!("residual {:.3} before, {:.3} after", before.residual, after.residual);
 

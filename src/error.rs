@@ -140,7 +140,9 @@ pub enum Error {
     },
 
     /// More memory than a graphics adapter has left.
-    #[error("the adapter `{adapter}` has no room for {what}: {needed} are needed beside {held} in use; {remedy}")]
+    #[error(
+        "the adapter `{adapter}` has no room for {what}: {needed} are needed beside {held} in use; {remedy}"
+    )]
     AdapterMemory {
         /// What it calls itself.
         adapter: String,

@@ -2,7 +2,7 @@
 
 use unscatter::Result;
 use unscatter::operator::{CpuVector, LinearOperator, Vector};
-use unscatter::problem::{LightMapProblem, System, measure};
+use unscatter::problem::{LightMapProblem, System, TransportOperator, measure};
 use unscatter::scene::{MetricName, Scene, SolverName};
 use unscatter::solve::{LeastSquares, Live, Measure, Memory, Method, Vectors};
 

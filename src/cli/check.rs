@@ -95,7 +95,11 @@ fn verdict(law: &'static str, backend: &str, error: f64, bound: f64) -> Verdict 
 }
 
 /// The laws of one way of applying T.
-fn verdicts_of(name: &str, operator: &impl TransportOperator, explicit: &ExplicitMatrix) -> Result<[Verdict; 3]> {
+fn verdicts_of(
+    name: &str,
+    operator: &impl TransportOperator,
+    explicit: &ExplicitMatrix,
+) -> Result<[Verdict; 3]> {
     let [forward, backward] = differences(operator, explicit)?;
     Ok([
         verdict("adjoint", name, adjoint_test(operator, 3, 1)?.error, ADJOINT),

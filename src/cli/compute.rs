@@ -37,18 +37,16 @@ pub(super) struct Computed {
     /// `cpu` or `gpu`, and its name.
     pub(super) backend: &'static str,
     pub(super) device: String,
-    /// Waits for a graphics adapter an iteration.
-    trips_an_iteration: Option<f64>,
     /// What a graphics adapter was given to do.
     pub(super) work: Option<Work>,
 }
 
 impl Task<'_> {
-    /// Solves with the operator that `make` makes, and assesses the solution.
+    /// Solves with the operator that `make` makes, and assesses the solution; `each` is called after every iteration.
     pub(super) fn compute<O: TransportOperator>(
         &self,
         make: impl FnOnce() -> Result<O>,
-        round_trips: impl Fn() -> u64,
+        each: &mut dyn FnMut(),
         resumed: Option<Paused>,
         steps: &mut Steps,
         preview: &dyn Fn(&[Rgb]) -> Result<()>,
@@ -63,14 +61,8 @@ impl Task<'_> {
 
         steps.begin("solving", Some(scene.solve.iterations as u64));
         let mut saved = Instant::now();
-        // Round trips after the first iteration of this run, and after the last; and how many iterations lie between.
-        let mut waited: Option<[u64; 3]> = None;
         let solved = solve(problem, &operator, &coverage, &scene.solve, resumed, |history, snapshot| {
-            let [first, last, iterations] = waited.unwrap_or([round_trips(), 0, 0]);
-            waited = Some(match last {
-                0 => [first, first, 0],
-                _ => [first, round_trips(), iterations + 1],
-            });
+            each();
             if let Some(last) = history.progress.last() {
                 let worst = last.normal_residual.iter().copied().fold(0.0, f64::max);
                 steps.advance(last.iteration as u64, format!("normal residual {worst:.1e}"));
@@ -100,9 +92,6 @@ impl Task<'_> {
             after,
             backend: "cpu",
             device: format!("{}, {} threads", super::machine::processor(), rayon::current_num_threads()),
-            trips_an_iteration: waited
-                .filter(|[_, _, iterations]| *iterations > 0)
-                .map(|[first, last, iterations]| (last - first) as f64 / iterations as f64),
             work: None,
         };
         Ok((computed, operator))
@@ -116,7 +105,7 @@ impl Task<'_> {
         preview: &dyn Fn(&[Rgb]) -> Result<()>,
     ) -> Result<Computed> {
         let make = || self.problem.operator(self.scene, super::job::budget(self.scene, self.problem)?);
-        Ok(self.compute(make, || 0, resumed, steps, preview)?.0)
+        Ok(self.compute(make, &mut || {}, resumed, steps, preview)?.0)
     }
 
     /// The same on a graphics adapter.
@@ -134,14 +123,19 @@ impl Task<'_> {
             let budget = super::job::budget(self.scene, self.problem)?;
             GpuLightMapOperator::new(gpu, self.problem, self.scene.solve.strategy, budget, deterministic)
         };
-        let (computed, operator) = self.compute(make, || gpu.round_trips(), resumed, steps, preview)?;
+        let mut trips = Vec::new();
+        let mut each = || trips.push(gpu.round_trips());
+        let (computed, operator) = self.compute(make, &mut each, resumed, steps, preview)?;
         let record = gpu.record();
         Ok(Computed {
             backend: "gpu",
             device: format!("{} ({}, {})", record.name, record.interface, record.driver),
             work: Some(Work {
                 round_trips: gpu.round_trips(),
-                round_trips_an_iteration: computed.trips_an_iteration,
+                round_trips_an_iteration: match trips[..] {
+                    [first, .., last] => Some((last - first) as f64 / (trips.len() - 1) as f64),
+                    _ => None,
+                },
                 dispatches: gpu.dispatches(),
                 bytes: gpu.held(),
                 deterministic: operator.is_deterministic(),

@@ -12,10 +12,7 @@ pub(super) enum Engine {
     Cpu,
     /// A graphics adapter; `or_cpu` where the processor may take its place when it fails.
     #[cfg(feature = "gpu")]
-    Gpu {
-        gpu: Gpu,
-        or_cpu: bool,
-    },
+    Gpu { gpu: Gpu, or_cpu: bool },
 }
 
 /// A fault to simulate, so that what happens then can be tested: see ARCHITECTURE.md.

@@ -55,7 +55,10 @@ impl Findings<'_> {
             certificate: self.certificate(),
             set_up_applications: self.computed.solved.set_up_applications as u64,
             stop: StopRecord { reason: stop.reason.name().to_owned(), iteration: stop.iteration as u64 },
-            weighted_residual: Change { before: self.computed.before.all.residual, after: self.computed.after.all.residual },
+            weighted_residual: Change {
+                before: self.computed.before.all.residual,
+                after: self.computed.after.all.residual,
+            },
             matched: self.matched(),
             timings: timings.into_iter().collect(),
             memory: self.memory(),
@@ -178,7 +181,13 @@ impl Findings<'_> {
         let share = |count: u64, of: u64| Share { count, of };
         [
             ("pixels", share((pixels - rows) as u64, pixels as u64)),
-            ("unknowns", share(self.computed.coverage.0.len() as u64 - self.reached(), self.computed.coverage.0.len() as u64)),
+            (
+                "unknowns",
+                share(
+                    self.computed.coverage.0.len() as u64 - self.reached(),
+                    self.computed.coverage.0.len() as u64,
+                ),
+            ),
             ("shadowed_cells", share((texels - lit) as u64, texels as u64)),
             ("dark_rays", share(cut, rows as u64)),
             ("channel_iterations", share(history.spared as u64, 3 * iterations as u64)),

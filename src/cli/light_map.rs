@@ -74,7 +74,8 @@ fn compute(
         Err(error) if or_cpu && error.is_of_adapter() => {
             tracing::warn!("{error}");
             // What the adapter has saved is not lost: its state is as good as the processor's own.
-            let resumed = task.checkpoint.latest().or_else(|| task.checkpoint.read().ok().filter(|_| arguments.resume));
+            let resumed =
+                task.checkpoint.latest().or_else(|| task.checkpoint.read().ok().filter(|_| arguments.resume));
             tracing::warn!(
                 "computing on the processor, from {}",
                 if resumed.is_some() { "the last checkpoint" } else { "the start" }

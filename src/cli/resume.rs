@@ -22,7 +22,11 @@ pub(super) struct Keeper {
 
 impl Keeper {
     pub(super) fn new(folder: &Folder, scene: &Scene, problem: &LightMapProblem) -> Self {
-        Self { path: folder.path().join("checkpoint"), fingerprint: fingerprint(scene, problem), kept: Cell::new(false) }
+        Self {
+            path: folder.path().join("checkpoint"),
+            fingerprint: fingerprint(scene, problem),
+            kept: Cell::new(false),
+        }
     }
 
     /// Writes the checkpoint where [`Keeper::read`] finds it; a failure is no reason to lose the solve.
@@ -34,6 +38,7 @@ impl Keeper {
     }
 
     /// What this run has kept last, if anything.
+    #[cfg(feature = "gpu")]
     pub(super) fn latest(&self) -> Option<Paused> {
         self.kept.get().then(|| self.read().ok()).flatten()
     }

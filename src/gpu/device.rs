@@ -337,7 +337,12 @@ impl Gpu {
     }
 
     /// Hands over what is recorded and copies `bytes` of a buffer into one that is then read: a round trip.
-    pub(super) fn copy_and_read(&self, from: &wgpu::Buffer, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<f32>> {
+    pub(super) fn copy_and_read(
+        &self,
+        from: &wgpu::Buffer,
+        staging: &wgpu::Buffer,
+        bytes: u64,
+    ) -> Result<Vec<f32>> {
         self.check()?;
         self.submit(&mut self.0.recorder.borrow_mut(), None, |encoder| {
             encoder.copy_buffer_to_buffer(from, 0, staging, 0, bytes);
@@ -398,8 +403,8 @@ impl Gpu {
                 beginning_of_pass_write_index: Some(0),
                 end_of_pass_write_index: Some(1),
             });
-            let mut pass =
-                encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes: times });
+            let mut pass = encoder
+                .begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes: times });
             recorder.encode(&mut pass);
         }
         more(&mut encoder);
@@ -447,7 +452,11 @@ impl Gpu {
             None => Ok(Arc::new(Pipeline { pipeline, layouts })),
             Some(error) => Err(Error::Adapter {
                 adapter: self.0.record.name.clone(),
-                problem: format!("cannot compile the kernel `{}`: {}", kernel.name(), one_line(&error.to_string())),
+                problem: format!(
+                    "cannot compile the kernel `{}`: {}",
+                    kernel.name(),
+                    one_line(&error.to_string())
+                ),
                 remedy: "use --backend cpu, or update its driver",
             }),
         }
@@ -473,7 +482,11 @@ fn group_layout(device: &wgpu::Device, accesses: &[Access]) -> wgpu::BindGroupLa
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
 }
 
-fn bind_group(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, bindings: &[Binding]) -> wgpu::BindGroup {
+fn bind_group(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    bindings: &[Binding],
+) -> wgpu::BindGroup {
     let mut entries = Vec::with_capacity(bindings.len());
     for (binding, Binding { buffer, offset, size }) in (0u32..).zip(bindings) {
         let size = std::num::NonZeroU64::new(*size);

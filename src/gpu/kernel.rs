@@ -197,18 +197,29 @@ impl Kernel {
         };
         put(format!("const LANES: u32 = {LANES}u;\nconst PIECE: u32 = {PIECE}u;"));
         put(format!("const NOWHERE: u32 = {NOWHERE}u;\nconst HUGE: f32 = {:e}f;", f32::MAX));
-        put(format!("const WORD: f32 = {:e}f;\nconst WORD_INVERSE: f32 = {:e}f;", 2f32.powi(32), 2f32.powi(-32)));
+        put(format!(
+            "const WORD: f32 = {:e}f;\nconst WORD_INVERSE: f32 = {:e}f;",
+            2f32.powi(32),
+            2f32.powi(-32)
+        ));
         match self {
             Self::LightMap(_, walk) => {
                 put(format!("const RAYS: u32 = {RAYS}u;\nconst LEVELS: u32 = {LEVELS}u;"));
                 put(format!("const NEAR: i32 = {NEAR};"));
                 put(format!("const NEAR_NUMBERS: u32 = {}u;", NEAR * NEAR * walk.channels));
-                put(format!("const CHANNELS: u32 = {}u;\nconst MARCH: bool = {};", walk.channels, walk.march));
+                put(format!(
+                    "const CHANNELS: u32 = {}u;\nconst MARCH: bool = {};",
+                    walk.channels, walk.march
+                ));
                 put(format!("const SERIES: i32 = {SERIES};"));
                 for (name, terms) in [("POWERS_0", &SERIES_0[..SERIES]), ("POWERS_2", &SERIES_2[..SERIES])] {
-                    let terms: Vec<String> = terms.iter().map(|term| format!("{:e}f", *term as f32)).collect();
+                    let terms: Vec<String> =
+                        terms.iter().map(|term| format!("{:e}f", *term as f32)).collect();
                     // A variable, because constant arrays cannot be indexed by one everywhere.
-                    put(format!("var<private> {name}: array<f32, SERIES> = array<f32, SERIES>({});", terms.join(", ")));
+                    put(format!(
+                        "var<private> {name}: array<f32, SERIES> = array<f32, SERIES>({});",
+                        terms.join(", ")
+                    ));
                 }
             }
             Self::Rows { colored, channels, squared, sharers } => {
@@ -217,7 +228,11 @@ impl Kernel {
             }
             Self::Tiles { colored, channels, operation } => {
                 put(format!("const COLORED: bool = {colored};\nconst CHANNELS: u32 = {channels}u;"));
-                put(format!("const OPERATION: u32 = {}u;\nconst TILE: u32 = {}u;", operation as u32, TILE_SIDE * TILE_SIDE));
+                put(format!(
+                    "const OPERATION: u32 = {}u;\nconst TILE: u32 = {}u;",
+                    operation as u32,
+                    TILE_SIDE * TILE_SIDE
+                ));
             }
             _ => {}
         }
@@ -241,7 +256,9 @@ impl Kernel {
             | Self::LargestStep => {
                 vec![Parameters, Write, Read, Read]
             }
-            Self::Difference | Self::Divergence | Self::FixedFinish => vec![Parameters, Write, Read, Read, Read],
+            Self::Difference | Self::Divergence | Self::FixedFinish => {
+                vec![Parameters, Write, Read, Read, Read]
+            }
             Self::LightMap(Consumer::Gather, _) => vec![Parameters, Write, Read],
             Self::LightMap(Consumer::Scatter(sums) | Consumer::Squares(sums), _) => match sums {
                 Accumulation::Fixed => vec![Parameters, Read, Write, Write, Read],
@@ -332,7 +349,8 @@ mod tests {
     fn module(kernel: Kernel) -> Result<naga::Module, String> {
         let source = kernel.source();
         let named = |error: String| format!("{kernel:?}: {error}");
-        let module = naga::front::wgsl::parse_str(&source).map_err(|error| named(error.emit_to_string(&source)))?;
+        let module =
+            naga::front::wgsl::parse_str(&source).map_err(|error| named(error.emit_to_string(&source)))?;
         let capabilities = naga::valid::Capabilities::SHADER_FLOAT32_ATOMIC;
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities)
             .validate(&module)
@@ -377,7 +395,8 @@ mod tests {
             if let (Some(found), naga::TypeInner::Struct { members, span }) = (&of.name, &of.inner)
                 && found == name
             {
-                let member = |member: &naga::StructMember| (member.name.clone().unwrap(), member.offset as usize);
+                let member =
+                    |member: &naga::StructMember| (member.name.clone().unwrap(), member.offset as usize);
                 return (members.iter().map(member).collect(), *span as usize);
             }
         }

@@ -70,7 +70,8 @@ impl Walked {
                 remedy: "lower shadow_map.size, or use --backend cpu",
             });
         }
-        let at_once = (gpu.binding_limit() as usize / size_of::<Ray>()).min((MOST_WORKGROUPS * RAYS) as usize);
+        let at_once =
+            (gpu.binding_limit() as usize / size_of::<Ray>()).min((MOST_WORKGROUPS * RAYS) as usize);
         // Slabs of y begin where bindings may.
         let at_once = (at_once / 64 * 64).max(64);
         let slab = |(index, rays): (usize, &[Ray])| Ok((index * at_once, gpu.upload("the rays", rays)?));
@@ -161,7 +162,7 @@ impl Walked {
                         };
                         let first_group = bindings(slab_of_y, slab_of_x);
                         let workgroups = [pass.rows.div_ceil(RAYS), 1];
-                        let groups: [&[Binding]; 3] = [&first_group, &shared, &[walked.clone()]];
+                        let groups: [&[Binding]; 3] = [&first_group, &shared, std::slice::from_ref(&walked)];
                         self.gpu.dispatch(kernel, &pass, &groups, workgroups);
                     }
                 }
@@ -208,8 +209,7 @@ fn ray(traversal: &LightMapTraversal, row: usize) -> Ray {
     let [shadow_enter, shadow_leave] = traversal
         .over_the_shadow_map(row, enter, leave)
         .map_or([length; 2], |clip| clip.map(|t| (t - enter).clamp(0.0, length)));
-    let strength: [f64; 3] =
-        std::array::from_fn(|c| view.scattering[c] * (-shared.sigma_t[c] * enter).exp());
+    let strength: [f64; 3] = std::array::from_fn(|c| view.scattering[c] * (-shared.sigma_t[c] * enter).exp());
     let pair = |v: DVec2| [v.x as f32, v.y as f32];
     let shadow_map = &shared.shadow_map;
     Ray {

@@ -72,7 +72,9 @@ impl Sum for DeviceSum {
         if self.answer.get().is_none() {
             self.gpu.fetch()?;
         }
-        self.answer.get().ok_or_else(|| self.gpu.check().err().unwrap_or_else(|| crate::Error::Machine("a sum is lost".to_owned())))
+        self.answer.get().ok_or_else(|| {
+            self.gpu.check().err().unwrap_or_else(|| crate::Error::Machine("a sum is lost".to_owned()))
+        })
     }
 }
 

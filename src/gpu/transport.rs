@@ -10,7 +10,7 @@ pub enum Transport {
     /// Rows and columns of non-zeros.
     Kept(Kept),
     /// Rays.
-    Walked(Walked),
+    Walked(Box<Walked>),
 }
 
 impl Transport {

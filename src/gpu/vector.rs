@@ -63,11 +63,7 @@ impl GpuVector {
 
     /// The channels that kernels over these vectors take together: first, and how many.
     pub(super) fn channels(vectors: &[&Self]) -> Vec<[u32; 2]> {
-        if vectors.iter().all(|vector| vector.fits()) {
-            vec![[0, 3]]
-        } else {
-            vec![[0, 1], [1, 1], [2, 1]]
-        }
+        if vectors.iter().all(|vector| vector.fits()) { vec![[0, 3]] } else { vec![[0, 1], [1, 1], [2, 1]] }
     }
 
     /// The slabs of these channels.

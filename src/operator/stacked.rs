@@ -26,7 +26,11 @@ impl<'a, V: Vector> Stacked<'a, V> {
     /// Errors: [`Error::Shape`] when it acts on another number of unknowns, or is one too many.
     pub fn over(mut self, lower: impl LinearOperator<Domain = V, Range = V> + 'a) -> Result<Self> {
         if self.blocks.len() == MOST_BLOCKS {
-            return Err(Error::Shape { what: "a stack (blocks)", expected: MOST_BLOCKS, got: MOST_BLOCKS + 1 });
+            return Err(Error::Shape {
+                what: "a stack (blocks)",
+                expected: MOST_BLOCKS,
+                got: MOST_BLOCKS + 1,
+            });
         }
         super::expect_len("the lower operator's domain", &lower.domain(), self.scratch.borrow().len())?;
         self.blocks.push(Box::new(lower));

@@ -64,7 +64,11 @@ impl GpuLightMapOperator {
             None => {
                 let walked = Walked::new(gpu, &problem.traversal, !problem.is_grey(), deterministic)?;
                 let storage = Storage { walked_rows: rows, ..Storage::default() };
-                (Transport::Walked(walked), problem.operator_with(Strategy::MatrixFree, 0)?, storage)
+                (
+                    Transport::Walked(Box::new(walked)),
+                    problem.operator_with(Strategy::MatrixFree, 0)?,
+                    storage,
+                )
             }
         };
         Ok(Self { gpu: gpu.clone(), transport, rows, storage })

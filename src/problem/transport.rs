@@ -1,8 +1,8 @@
+use crate::Result;
 use crate::cpu::{Storage, TileMetric, Tiling, Transport};
 use crate::march::LightMapTraversal;
 use crate::operator::{CpuVector, Indexed, LinearOperator, Metric, Vector};
 use crate::scene::Rgb;
-use crate::Result;
 
 /// `T` of a light-map problem, wherever it is computed.
 pub trait TransportOperator: LinearOperator<Domain = Self::Vector, Range = Self::Vector> {

@@ -264,7 +264,8 @@ pub(super) fn closing(report: &Report) -> String {
 fn computed_on(report: &Report) -> String {
     let on = format!("{}, {}", report.backend, report.device);
     let Some(gpu) = &report.gpu else { return on };
-    let trips = gpu.round_trips_an_iteration.map_or(String::new(), |trips| format!(" ({trips:.1} an iteration)"));
+    let trips =
+        gpu.round_trips_an_iteration.map_or(String::new(), |trips| format!(" ({trips:.1} an iteration)"));
     let sums = match gpu.deterministic {
         true => "the same bits in every run",
         false => "sums in any order, so that last digits differ from run to run",

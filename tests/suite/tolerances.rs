@@ -20,18 +20,25 @@ pub const SCIPY_OBJECTIVE: f64 = 1e-5;
 /// x against SciPy's where the data determine it, relative to its largest element.
 pub const SCIPY_X: f64 = 1e-4;
 
-/// One operation on elements in f32 on a device: it may round, contract and divide (2.5 units) otherwise than the host.
-pub const DEVICE_ELEMENT: f64 = 4e-7;
+#[cfg(feature = "gpu")]
+pub use device::*;
 
-/// A sum on a device, relative to the sum of its terms' magnitudes: some of its thirteen roundings in f32 a piece.
-pub const DEVICE_SUM: f64 = 2e-7;
+/// What devices may differ by.
+#[cfg(feature = "gpu")]
+mod device {
+    /// One operation on elements in f32 on a device: it may round, contract and divide (2.5 units) otherwise than the host.
+    pub const DEVICE_ELEMENT: f64 = 4e-7;
 
-/// One symmetric sweep over tiles of 64: each of its 128 steps rounds a few times, in another order than the host.
-pub const DEVICE_TILES: f64 = 1e-5;
+    /// A sum on a device, relative to the sum of its terms' magnitudes: some of its thirteen roundings in f32 a piece.
+    pub const DEVICE_SUM: f64 = 2e-7;
 
-/// A light map that a device has solved for against the processor's, in the 2-norm: a few dozen iterations on
-/// products that differ by roundings.
-pub const DEVICE_LIGHT_MAP: f64 = 1e-3;
+    /// One symmetric sweep over tiles of 64: each of its 128 steps rounds a few times, in another order than the host.
+    pub const DEVICE_TILES: f64 = 1e-5;
 
-/// The objective of the same; near its least value it is second order in the light map.
-pub const DEVICE_OBJECTIVE: f64 = 1e-5;
+    /// A light map that a device has solved for against the processor's, in the 2-norm: a few dozen iterations on
+    /// products that differ by roundings.
+    pub const DEVICE_LIGHT_MAP: f64 = 1e-3;
+
+    /// The objective of the same; near its least value it is second order in the light map.
+    pub const DEVICE_OBJECTIVE: f64 = 1e-5;
+}

@@ -5,9 +5,7 @@ use unscatter::cpu::{Rows, TileMetric, Tiling};
 use unscatter::gpu::{self, Choice, Gpu, GpuVector};
 use unscatter::io::scene_file;
 use unscatter::operator::{Bounds, CpuVector, Indexed, Metric, Vector};
-use unscatter::problem::{
-    Assessor, GpuLightMapOperator, LightMapProblem, Solved, TransportOperator, solve,
-};
+use unscatter::problem::{Assessor, GpuLightMapOperator, LightMapProblem, Solved, TransportOperator, solve};
 use unscatter::scene::{MetricName, Rgb, Scene, SolverName, Strategy, Weight};
 use unscatter::solve::Control;
 
@@ -97,13 +95,19 @@ fn solved(problem: &LightMapProblem, operator: &impl TransportOperator, scene: &
     let coverage = operator.squares(&problem.weights()).unwrap();
     let solved =
         solve(problem, operator, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue)).unwrap();
-    let shown = Assessor::new(problem, operator).unwrap().assess(&solved.light_map, scene.views.len()).unwrap();
+    let shown =
+        Assessor::new(problem, operator).unwrap().assess(&solved.light_map, scene.views.len()).unwrap();
     let start = vec![problem.start; solved.light_map.len()];
     let before = Assessor::new(problem, operator).unwrap().assess(&start, scene.views.len()).unwrap();
     (solved, shown.all.residual.powi(2) / before.all.residual.powi(2))
 }
 
-fn on_device(scene: &Scene, problem: &LightMapProblem, gpu: &Gpu, deterministic: bool) -> GpuLightMapOperator {
+fn on_device(
+    scene: &Scene,
+    problem: &LightMapProblem,
+    gpu: &Gpu,
+    deterministic: bool,
+) -> GpuLightMapOperator {
     GpuLightMapOperator::new(gpu, problem, scene.solve.strategy, u64::MAX, deterministic).unwrap()
 }
 
@@ -246,7 +250,8 @@ fn a_device_that_is_lost_is_an_error_and_the_state_before_is_worth_something() {
     // Everything after that says the same, and the processor goes on from where the device was.
     assert!(operator.squares(&problem.weights()).is_err());
     let here = problem.operator(&scene, u64::MAX).unwrap();
-    let resumed = solve(&problem, &here, &coverage, &scene.solve, kept, |_, _| Ok(Control::Continue)).unwrap();
+    let resumed =
+        solve(&problem, &here, &coverage, &scene.solve, kept, |_, _| Ok(Control::Continue)).unwrap();
     let whole = solve(&problem, &here, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue)).unwrap();
     assert!(apart(&resumed.light_map, &whole.light_map) <= DEVICE_LIGHT_MAP);
 }

@@ -13,7 +13,13 @@ use crate::scenes;
 use crate::tolerances::{ADJOINT_F32, AGAINST_EXPLICIT};
 
 /// A random scene, in colours if so asked.
-fn traversal(seed: u64, rows: usize, basis: Basis, quadrature: Quadrature, colored: bool) -> LightMapTraversal {
+fn traversal(
+    seed: u64,
+    rows: usize,
+    basis: Basis,
+    quadrature: Quadrature,
+    colored: bool,
+) -> LightMapTraversal {
     let grey = scenes::random(seed, rows, basis, quadrature);
     if !colored {
         return grey;
@@ -109,7 +115,8 @@ proptest! {
 /// diag(Tᵀ diag(y) T) as the CPU has it.
 fn true_squares(traversal: &LightMapTraversal, y: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let plan = WalkPlan::new::<f64, 3>(traversal);
-    let transport = CpuTransport::<_, f64, 3>::new(traversal.clone(), &plan, Storage::Auto, u64::MAX).unwrap();
+    let transport =
+        CpuTransport::<_, f64, 3>::new(traversal.clone(), &plan, Storage::Auto, u64::MAX).unwrap();
     transport.squares(&CpuVector(y.to_vec())).unwrap().0
 }
 
@@ -144,7 +151,8 @@ fn one_wrong_weight_or_ray_is_noticed() {
     let elements = traversal.transport().light_map.len();
     let truth = products(&explicit(&traversal, false), 1);
     let mut table = table(&traversal, false);
-    let heaviest = (0..table.elements.len()).max_by(|&a, &b| table.weights[0][a].total_cmp(&table.weights[0][b]));
+    let heaviest =
+        (0..table.elements.len()).max_by(|&a, &b| table.weights[0][a].total_cmp(&table.weights[0][b]));
     table.weights[0][heaviest.unwrap()] *= 1.01;
     assert!(agree(&products(&Kept::new(&gpu, &table, elements).unwrap(), 1), &truth).is_err());
 

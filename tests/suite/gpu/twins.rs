@@ -69,6 +69,9 @@ fn every_text_of_the_prelude_is_part_of_a_kernel() {
     let texts = kernel_texts();
     for name in files("kernels/prelude") {
         let text = fs::read_to_string(root().join("kernels/prelude").join(format!("{name}.wgsl"))).unwrap();
-        assert!(texts.iter().any(|kernel| kernel.source.contains(&text)), "prelude/{name}.wgsl is used nowhere");
+        assert!(
+            texts.iter().any(|kernel| kernel.source.contains(&text)),
+            "prelude/{name}.wgsl is used nowhere"
+        );
     }
 }

@@ -114,7 +114,8 @@ fn sums_are_those_of_the_twin() {
                 for ((name, expected), (_, got)) in truth.into_iter().zip(sums(device(&gpu, len), &bounds)) {
                     for c in 0..3 {
                         let scale = if name == "largest_step" { expected[c].max(1e-3) } else { scale };
-                        let same = got[c] == expected[c] || (got[c] - expected[c]).abs() <= DEVICE_SUM * scale;
+                        let same =
+                            got[c] == expected[c] || (got[c] - expected[c]).abs() <= DEVICE_SUM * scale;
                         assert!(same, "{name} of {len}: {} instead of {}", got[c], expected[c]);
                     }
                 }
