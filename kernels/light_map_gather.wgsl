@@ -7,12 +7,18 @@ var<private> part: vec3<f32>;
 var<private> total: vec3<f32>;
 var<private> visits: u32;
 
+// The bound channels of an element, 0 for the others.
+fn bound_of_x(e: u32) -> vec3<f32> {
+    if CHANNELS == 3u {
+        return vec3(x[e], x[parameters.x_stride + e], x[2u * parameters.x_stride + e]);
+    }
+    return vec3(x[e], 0.0, 0.0);
+}
+
 fn visit(texel: vec2<i32>, weight: Weight) {
     let e = local_element(texel);
     if e < parameters.x_len {
-        for (var c = 0u; c < CHANNELS; c++) {
-            part[c] += channel_of(weight, parameters.channel + c) * x[c * parameters.x_stride + e];
-        }
+        part += weights_of(weight) * bound_of_x(e);
         visits++;
         if (visits & 31u) == 0u {
             total += part;

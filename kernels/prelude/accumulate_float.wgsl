@@ -1,26 +1,14 @@
 // Sums in f32, by the device's own atomic addition: fast, in whatever order the rays arrive.
 @group(0) @binding(2) var<storage, read_write> x: array<atomic<f32>>;
 
-var<workgroup> near_sums: array<atomic<u32>, NEAR_NUMBERS>;
+fn scale_of_near(plane: u32) -> f32 {
+    return group_scale();
+}
 
 fn deposit(i: u32, value: f32, plane: u32) {
     atomicAdd(&x[i], value);
 }
 
-fn deposit_near(k: u32, value: f32, plane: u32) {
-    var old = atomicLoad(&near_sums[k]);
-    loop {
-        let swapped = atomicCompareExchangeWeak(&near_sums[k], old, bitcast<u32>(bitcast<f32>(old) + value));
-        if swapped.exchanged {
-            break;
-        }
-        old = swapped.old_value;
-    }
-}
-
-fn flush_near(i: u32, k: u32) {
-    let sum = bitcast<f32>(atomicLoad(&near_sums[k]));
-    if sum != 0.0 {
-        atomicAdd(&x[i], sum);
-    }
+fn deposit_words(i: u32, words: vec2<u32>, plane: u32) {
+    deposit(i, float_from_fixed(words) / group_scale(), plane);
 }

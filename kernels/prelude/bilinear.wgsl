@@ -1,6 +1,5 @@
 // Bilinear between texel centres, constant beyond the outermost ones; twin of Bilinear in src/march/basis.rs.
 // Cell (i, j) lies between texels i − 1 and i, j − 1 and j. Each texel is visited once, when the ray has left it.
-const SHIFT: f32 = 0.5;
 const EXTRA: i32 = 1;
 
 var<private> window_cell: vec2<i32>;
@@ -12,29 +11,65 @@ fn window_begin() {
     taps = array<Weight, 4>();
 }
 
-fn window_leave(tap: i32) {
+fn window_leave(offset: vec2<i32>, weight: Weight) {
     // A weight is zero where its texel would be outside; rounding can make a vanishing one negative.
-    if is_positive(taps[tap]) {
-        visit(window_cell + vec2((tap & 1) - 1, (tap >> 1) - 1), taps[tap]);
+    if is_positive(weight) {
+        visit(window_cell + offset, weight);
     }
 }
 
-fn window_move(cell: vec2<i32>) {
-    if all(cell == window_cell) {
+fn window_finish() {
+    window_leave(vec2(-1, -1), taps[0]);
+    window_leave(vec2(0, -1), taps[1]);
+    window_leave(vec2(-1, 0), taps[2]);
+    window_leave(vec2(0, 0), taps[3]);
+}
+
+// Moves the window over the cell, visits the texels that it leaves and keeps the others.
+fn window_move(to: vec2<i32>) {
+    let moved = to - window_cell;
+    if all(moved == vec2(0)) {
         return;
     }
-    let moved = cell - window_cell;
-    var kept = array<Weight, 4>();
-    for (var tap = 0; tap < 4; tap++) {
-        let to = vec2(tap & 1, tap >> 1) - moved;
-        if all(to >= vec2(0, 0)) && all(to < vec2(2, 2)) {
-            kept[to.y * 2 + to.x] = taps[tap];
-        } else {
-            window_leave(tap);
-        }
+    if moved.y == 0 && moved.x == 1 {
+        window_leave(vec2(-1, -1), taps[0]);
+        window_leave(vec2(-1, 0), taps[2]);
+        taps = array<Weight, 4>(taps[1], Weight(0.0), taps[3], Weight(0.0));
+    } else if moved.y == 0 && moved.x == -1 {
+        window_leave(vec2(0, -1), taps[1]);
+        window_leave(vec2(0, 0), taps[3]);
+        taps = array<Weight, 4>(Weight(0.0), taps[0], Weight(0.0), taps[2]);
+    } else if moved.x == 0 && moved.y == 1 {
+        window_leave(vec2(-1, -1), taps[0]);
+        window_leave(vec2(0, -1), taps[1]);
+        taps = array<Weight, 4>(taps[2], taps[3], Weight(0.0), Weight(0.0));
+    } else if moved.x == 0 && moved.y == -1 {
+        window_leave(vec2(-1, 0), taps[2]);
+        window_leave(vec2(0, 0), taps[3]);
+        taps = array<Weight, 4>(Weight(0.0), Weight(0.0), taps[0], taps[1]);
+    } else {
+        window_jump(moved);
     }
-    taps = kept;
-    window_cell = cell;
+    window_cell = to;
+}
+
+// The same for any other move, as after a stretch in shadow.
+fn window_jump(moved: vec2<i32>) {
+    let taps_then = taps;
+    taps = array<Weight, 4>();
+    window_shift(vec2(0, 0), moved, taps_then[0]);
+    window_shift(vec2(1, 0), moved, taps_then[1]);
+    window_shift(vec2(0, 1), moved, taps_then[2]);
+    window_shift(vec2(1, 1), moved, taps_then[3]);
+}
+
+fn window_shift(place: vec2<i32>, moved: vec2<i32>, weight: Weight) {
+    let to = place - moved;
+    if all(to >= vec2(0)) && all(to < vec2(2)) {
+        taps[to.y * 2 + to.x] = weight;
+    } else {
+        window_leave(place - 1, weight);
+    }
 }
 
 // Fraction towards the high texel at the start of the piece, and its change.
@@ -71,10 +106,4 @@ fn sample(piece: Piece, strength: Weight) {
     taps[1] += strength * (x * (1.0 - y));
     taps[2] += strength * ((1.0 - x) * y);
     taps[3] += strength * (x * y);
-}
-
-fn window_finish() {
-    for (var tap = 0; tap < 4; tap++) {
-        window_leave(tap);
-    }
 }

@@ -26,6 +26,10 @@ fn is_positive(weight: Weight) -> bool {
     return any(weight > Weight(0.0));
 }
 
-fn channel_of(weight: Weight, channel: u32) -> f32 {
-    return weight[channel];
+// The weights of the bound channels.
+fn weights_of(weight: Weight) -> vec3<f32> {
+    if CHANNELS == 3u {
+        return weight;
+    }
+    return vec3(weight[parameters.channel], 0.0, 0.0);
 }

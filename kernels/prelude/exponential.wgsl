@@ -6,11 +6,7 @@ fn extinguished(s: f32) -> f32 {
     if s >= 0.5 {
         return 1.0 - exp(-s);
     }
-    var sum = POWERS_0[SERIES - 1];
-    for (var n = SERIES - 1; n > 0; n--) {
-        sum = POWERS_0[n - 1] - s * sum;
-    }
-    return s * sum;
+    return series_0(s);
 }
 
 // M₀, M₁, M₂: for small s M₂ as its series, the others by the recurrence s Mₖ = k Mₖ₋₁ − s e^{−s} run downwards.
@@ -21,11 +17,7 @@ fn moments(s: f32) -> vec3<f32> {
         let m1 = (m0 - s * left) / s;
         return vec3(m0, m1, (m1 + m1 - s * left) / s);
     }
-    var sum = POWERS_2[SERIES - 1];
-    for (var n = SERIES - 1; n > 0; n--) {
-        sum = POWERS_2[n - 1] - s * sum;
-    }
-    let m2 = s * sum;
+    let m2 = series_2(s);
     let m0 = (s + 0.5 * s * s * (1.0 + m2)) / (1.0 + s + 0.5 * s * s);
     return vec3(m0, 0.5 * s * (m2 + 1.0 - m0), m2);
 }

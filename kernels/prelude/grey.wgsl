@@ -24,6 +24,7 @@ fn is_positive(weight: Weight) -> bool {
     return weight > 0.0;
 }
 
-fn channel_of(weight: Weight, channel: u32) -> f32 {
-    return weight;
+// The weights of the bound channels.
+fn weights_of(weight: Weight) -> vec3<f32> {
+    return vec3(weight);
 }

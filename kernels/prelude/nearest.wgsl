@@ -1,5 +1,4 @@
 // Constant in each texel; twin of Nearest in src/march/basis.rs. Each texel is visited once, when the ray has left it.
-const SHIFT: f32 = 0.0;
 const EXTRA: i32 = 0;
 
 var<private> window_cell: vec2<i32>;

@@ -1,86 +1,148 @@
 // The lit stretches of a ray through the min-max pyramid of the shadow map, in order; twin of src/march/visibility.rs, whose
 // recursion is here a walk from node to node: down where a node is partly lit, up where the ray enters another parent.
+// Everything is integers: ticks along the ray, and depths in parts of what the stored ones span. Stored depths and those of
+// a ray are rounded once, by the host in f64.
 
-@group(1) @binding(0) var<storage, read> depths: array<f32>;
+@group(1) @binding(0) var<storage, read> depths: array<i32>;
 // Least and largest depth of the nodes above the texels, level by level.
-@group(1) @binding(1) var<storage, read> ranges: array<vec2<f32>>;
+@group(1) @binding(1) var<storage, read> ranges: array<vec2<i32>>;
 
-var<private> lit_t: f32;
+// Farther than any ray lives.
+const NEVER: u32 = 0xffffffffu;
+const BEFORE: i32 = 0;
+const OVER: i32 = 1;
+const BEYOND: i32 = 2;
+const DONE: i32 = 3;
+
+var<private> lit_t: u32;
+// Before, over and beyond the shadow map, and done.
 var<private> lit_phase: i32;
 var<private> lit_cell: vec2<i32>;
 var<private> lit_level: u32;
-// Where the stretch under construction begins; less than 0 when there is none.
-var<private> lit_open: f32;
-var<private> lit_origin: vec2<f32>;
-var<private> lit_slope: vec2<f32>;
-var<private> lit_inverse: vec2<f32>;
-
-// One over a slope, and 0 for none.
-fn inverse_of(slope: vec2<f32>) -> vec2<f32> {
-    return select(1.0 / slope, vec2(0.0), slope == vec2(0.0));
-}
+// Whether a stretch is under construction, and where it begins.
+var<private> lit_open: bool;
+var<private> lit_start: u32;
 
 fn lit_begin(ray: Ray) {
-    lit_t = 0.0;
-    lit_phase = 0;
-    lit_open = -1.0;
+    lit_t = ray.shadow_clip.x;
+    lit_phase = BEFORE;
+    lit_cell = ray.shadow_cell;
     lit_level = transport.shadow_top;
-    lit_origin = ray.shadow_entry;
-    lit_slope = ray.slope * transport.shadow_from_light;
-    lit_inverse = inverse_of(lit_slope);
+    lit_open = false;
+    lit_start = 0u;
 }
 
-fn range_of(level: u32, cell: vec2<i32>) -> vec2<f32> {
-    if level == 0u {
-        return vec2(depths[u32(cell.y * transport.shadow_size.x + cell.x)]);
+// The upper word of a product.
+fn multiply_high(a: u32, b: u32) -> u32 {
+    let p = (a & 0xffffu) * (b & 0xffffu);
+    let q = (a >> 16u) * (b & 0xffffu) + (p >> 16u);
+    let r = (a & 0xffffu) * (b >> 16u) + (q & 0xffffu);
+    return (a >> 16u) * (b >> 16u) + (q >> 16u) + (r >> 16u);
+}
+
+// Depth of the ray: what it is where that is among the stored ones, nearer or farther than all of them elsewhere.
+fn depth_at(ray: Ray, t: u32) -> i32 {
+    if t < ray.depth_window.x || t > ray.depth_window.y {
+        return select(FARTHEST, -FARTHEST, (t < ray.depth_window.x) == (ray.depth_step_high >= 0));
     }
-    let node = cell >> vec2(level);
+    let dt = t - ray.depth_window.x;
+    return ray.depth + ray.depth_step_high * i32(dt) + i32(multiply_high(ray.depth_step_low, dt));
+}
+
+// When the ray crosses a line of the shadow map, along one axis.
+fn shadow_crossing(ray: Ray, axis: u32, line: i32) -> u32 {
+    let ahead = ray.slope[axis] > 0.0;
+    // Lines that it crosses before.
+    let n = u32(select(ray.shadow_cell[axis] - line, line - ray.shadow_cell[axis] - 1, ahead));
+    if f32(n) * f32(ray.shadow_step_high[axis]) > f32(TICKS) {
+        return NEVER;
+    }
+    let product = many_steps_low(ray.shadow_step_low[axis], n);
+    let low = ray.shadow_first_low[axis] + product.x;
+    let carry = select(0u, 1u, low < product.x);
+    return ray.shadow_first_high[axis] + ray.shadow_step_high[axis] * n + product.y + carry;
+}
+
+// The same, and never for lines at the rim of the map: what is beyond belongs to the last texel until the map is left.
+fn crossing_inside(ray: Ray, axis: u32, line: i32) -> u32 {
+    if line <= 0 || line >= transport.shadow_size[axis] || ray.slope[axis] == 0.0 {
+        return NEVER;
+    }
+    return shadow_crossing(ray, axis, line);
+}
+
+fn range_of(level: u32, texel: vec2<i32>) -> vec2<i32> {
+    if level == 0u {
+        return vec2(depths[u32(texel.y * transport.shadow_size.x + texel.x)]);
+    }
+    let node = texel >> vec2(level);
     let row = transport.levels[level];
     return ranges[row.x + u32(node.y) * row.y + u32(node.x)];
 }
 
-// Closes the stretch under construction at `end`; whether there was one.
-fn lit_close(end: f32, stretch: ptr<function, vec2<f32>>) -> bool {
-    if lit_open < 0.0 {
-        return false;
+// The texel along one axis that the ray is in at `t`, between `low` and `high`; it never goes back.
+fn texel_at(ray: Ray, axis: u32, t: u32, low: i32, high: i32) -> i32 {
+    let first = ray.shadow_first_high[axis];
+    var moved = 0;
+    if t >= first {
+        moved = 1 + i32(f32(t - first) / f32(max(ray.shadow_step_high[axis], 1u)));
     }
-    *stretch = vec2(lit_open, end);
-    lit_open = -1.0;
-    return end > (*stretch).x;
-}
-
-fn lit_open_at(t: f32) {
-    if lit_open < 0.0 {
-        lit_open = t;
-    }
-}
-
-// The next stretch; false when there is none left.
-fn lit_next(ray: Ray, stretch: ptr<function, vec2<f32>>) -> bool {
-    if lit_phase == 0 {
-        // Before the shadow map everything is lit.
-        if ray.shadow_clip.x > 0.0 {
-            lit_open_at(0.0);
+    let ahead = ray.slope[axis] > 0.0;
+    var texel = clamp(ray.shadow_cell[axis] + select(-moved, moved, ahead), low, high);
+    // The quotient is rounded: the crossings themselves decide.
+    if ahead {
+        if texel > low && crossing_inside(ray, axis, texel) > t {
+            texel -= 1;
+        } else if texel < high && crossing_inside(ray, axis, texel + 1) <= t {
+            texel += 1;
         }
-        lit_t = ray.shadow_clip.x;
-        let at = vec2<i32>(floor(lit_origin + lit_slope * lit_t));
-        lit_cell = clamp(at, vec2(0), transport.shadow_size - 1);
-        lit_phase = 1;
+        return max(texel, lit_cell[axis]);
     }
-    while lit_phase == 1 {
+    if texel < high && crossing_inside(ray, axis, texel + 1) > t {
+        texel += 1;
+    } else if texel > low && crossing_inside(ray, axis, texel) <= t {
+        texel -= 1;
+    }
+    return min(texel, lit_cell[axis]);
+}
+
+fn open_at(t: u32) {
+    if !lit_open {
+        lit_open = true;
+        lit_start = t;
+    }
+}
+
+// Closes the stretch under construction; whether there is anything in it.
+fn close_at(t: u32, stretch: ptr<function, vec2<u32>>) -> bool {
+    let was_open = lit_open;
+    lit_open = false;
+    *stretch = vec2(lit_start, t);
+    return was_open && t > lit_start;
+}
+
+// The next stretch, in ticks; false when there is none left.
+fn lit_next(ray: Ray, stretch: ptr<function, vec2<u32>>) -> bool {
+    if lit_phase == BEFORE {
+        // Beside the shadow map everything is lit.
+        if ray.shadow_clip.x > 0u {
+            open_at(0u);
+        }
+        lit_phase = OVER;
+    }
+    while lit_phase == OVER {
         if lit_t >= ray.shadow_clip.y {
-            lit_phase = 2;
+            lit_phase = BEYOND;
             break;
         }
-        let ahead = lit_slope > vec2(0.0);
-        let node = lit_cell >> vec2(lit_level);
-        let low = node << vec2(lit_level);
+        let ahead = ray.slope > vec2(0.0);
+        let low = (lit_cell >> vec2(lit_level)) << vec2(lit_level);
         let high = min(low + (1 << lit_level), transport.shadow_size);
         let line = select(low, high, ahead);
-        let at_rim = (line <= vec2(0)) | (line >= transport.shadow_size) | (lit_slope == vec2(0.0));
-        let crossing = select((vec2<f32>(line) - lit_origin) * lit_inverse, vec2(HUGE), at_rim);
-        let end = max(min(min(crossing.x, crossing.y), ray.shadow_clip.y), lit_t);
-        let depth = ray.depth + ray.depth_slope * vec2(lit_t, end);
+        let x = crossing_inside(ray, 0u, line.x);
+        let y = crossing_inside(ray, 1u, line.y);
+        let end = max(min(min(x, y), ray.shadow_clip.y), lit_t);
+        let depth = vec2(depth_at(ray, lit_t), depth_at(ray, end));
         let range = range_of(lit_level, lit_cell);
         let is_lit = all(depth <= vec2(range.x));
         let is_dark = all(depth > vec2(range.y));
@@ -89,15 +151,15 @@ fn lit_next(ray: Ray, stretch: ptr<function, vec2<f32>>) -> bool {
             continue;
         }
         let start = lit_t;
-        // On to the next node.
-        let before = lit_cell;
         lit_t = end;
         if end < ray.shadow_clip.y {
-            let near = clamp(vec2<i32>(floor(lit_origin + lit_slope * end)), low, high - 1);
-            lit_cell = select(min(near, lit_cell), max(near, lit_cell), ahead);
-            if crossing.x <= crossing.y {
+            // On to the next node.
+            let before = lit_cell;
+            if x <= y {
+                lit_cell.y = texel_at(ray, 1u, end, low.y, high.y - 1);
                 lit_cell.x = select(low.x - 1, high.x, ahead.x);
             } else {
+                lit_cell.x = texel_at(ray, 0u, end, low.x, high.x - 1);
                 lit_cell.y = select(low.y - 1, high.y, ahead.y);
             }
             let above = vec2(lit_level + 1u);
@@ -106,33 +168,34 @@ fn lit_next(ray: Ray, stretch: ptr<function, vec2<f32>>) -> bool {
             }
         }
         if is_lit {
-            lit_open_at(start);
+            open_at(start);
         } else if is_dark {
-            if lit_close(start, stretch) {
+            if close_at(start, stretch) {
                 return true;
             }
         } else {
-            let cut = clamp((range.x - ray.depth) / ray.depth_slope, start, end);
+            let ticks = abs(f32(range.x - depth.x) / ray.depth_slope);
+            let cut = clamp(start + u32(min(ticks, f32(TICKS))), start, end);
             if depth.y > depth.x {
-                lit_open_at(start);
-                if lit_close(cut, stretch) {
+                open_at(start);
+                if close_at(cut, stretch) {
                     return true;
                 }
             } else {
-                let closed = lit_close(start, stretch);
-                lit_open_at(cut);
+                let closed = close_at(start, stretch);
+                open_at(cut);
                 if closed {
                     return true;
                 }
             }
         }
     }
-    if lit_phase == 2 {
-        lit_phase = 3;
-        if ray.shadow_clip.y < ray.length {
-            lit_open_at(ray.shadow_clip.y);
+    if lit_phase == BEYOND {
+        lit_phase = DONE;
+        if ray.shadow_clip.y < TICKS {
+            open_at(ray.shadow_clip.y);
         }
-        return lit_close(ray.length, stretch);
+        return close_at(TICKS, stretch);
     }
     return false;
 }

@@ -7,7 +7,7 @@ use crate::operator::{NOWHERE, TILE_SIDE};
 use crate::scene::{Basis, Quadrature};
 
 use super::fixed_point::Accumulation;
-use super::layout::LEVELS;
+use super::layout::{FARTHEST, LEVELS, TICKS};
 
 /// Lanes of a workgroup that works on vectors and kept rows.
 pub(super) const LANES: u32 = 256;
@@ -156,6 +156,7 @@ impl Kernel {
             Self::Pick | Self::Difference | Self::Divergence => {
                 vec![text!("prelude/vector"), text!("prelude/indexed")]
             }
+            Self::FixedFinish => vec![text!("prelude/vector"), text!("prelude/fixed_point")],
             Self::FixedScale | Self::Rows { .. } | Self::Tiles { .. } => Vec::new(),
             Self::LightMap(consumer, walk) => {
                 let mut texts = vec![
@@ -166,6 +167,7 @@ impl Kernel {
                     text!("prelude/light_map"),
                 ];
                 if let Consumer::Scatter(accumulation) | Consumer::Squares(accumulation) = consumer {
+                    texts.push(text!("prelude/fixed_point"));
                     texts.push(text!("prelude/scatter"));
                     texts.push(match accumulation {
                         Accumulation::Float => text!("prelude/accumulate_float"),
@@ -205,22 +207,16 @@ impl Kernel {
         match self {
             Self::LightMap(_, walk) => {
                 put(format!("const RAYS: u32 = {RAYS}u;\nconst LEVELS: u32 = {LEVELS}u;"));
+                put(format!("const TICKS: u32 = {TICKS}u;\nconst FARTHEST: i32 = {FARTHEST};"));
+                put(format!("const RAYS_EXPONENT: i32 = {};", RAYS.ilog2()));
                 put(format!("const NEAR: i32 = {NEAR};"));
                 put(format!("const NEAR_NUMBERS: u32 = {}u;", NEAR * NEAR * walk.channels));
                 put(format!(
                     "const CHANNELS: u32 = {}u;\nconst MARCH: bool = {};",
                     walk.channels, walk.march
                 ));
-                put(format!("const SERIES: i32 = {SERIES};"));
-                for (name, terms) in [("POWERS_0", &SERIES_0[..SERIES]), ("POWERS_2", &SERIES_2[..SERIES])] {
-                    let terms: Vec<String> =
-                        terms.iter().map(|term| format!("{:e}f", *term as f32)).collect();
-                    // A variable, because constant arrays cannot be indexed by one everywhere.
-                    put(format!(
-                        "var<private> {name}: array<f32, SERIES> = array<f32, SERIES>({});",
-                        terms.join(", ")
-                    ));
-                }
+                put(series("series_0", &SERIES_0[..SERIES]));
+                put(series("series_2", &SERIES_2[..SERIES]));
             }
             Self::Rows { colored, channels, squared, sharers } => {
                 put(format!("const COLORED: bool = {colored};\nconst CHANNELS: u32 = {channels}u;"));
@@ -313,6 +309,16 @@ impl Kernel {
         }
         all
     }
+}
+
+/// `Σₙ (−1)ⁿ aₙ sⁿ⁺¹` by Horner's rule as a function of WGSL, without a loop: some drivers count the rounds of all loops
+/// of an invocation, and end them after so many.
+fn series(name: &str, terms: &[f64]) -> String {
+    let term = |term: &f64| format!("{:e}f", *term as f32);
+    let (last, others) =
+        terms.split_last().map_or(("0.0f".to_owned(), &[][..]), |(last, rest)| (term(last), rest));
+    let sum = others.iter().rev().fold(last, |sum, a| format!("({} - s * {sum})", term(a)));
+    format!("fn {name}(s: f32) -> f32 {{\n    return s * {sum};\n}}")
 }
 
 /// A kernel as it is compiled, for those who want to read or check it.
@@ -426,13 +432,36 @@ mod tests {
             gather,
             "Transport",
             layout::Transport,
-            [sigma_t, light_size, shadow_size, shadow_from_light, shadow_top, steps, levels]
+            [sigma_t, light_size, shadow_size, shadow_top, steps, pad, levels]
         );
         same_layout!(
             gather,
             "Ray",
             layout::Ray,
-            [entry, slope, shadow_entry, shadow_clip, depth, depth_slope, length, before, strength]
+            [
+                strength,
+                entry_cell,
+                entry_fraction,
+                first_high,
+                first_low,
+                step_high,
+                step_low,
+                slope,
+                shadow_clip,
+                shadow_cell,
+                shadow_first_high,
+                shadow_first_low,
+                shadow_step_high,
+                shadow_step_low,
+                depth_window,
+                depth,
+                depth_step_high,
+                depth_step_low,
+                depth_slope,
+                length,
+                before,
+                pad
+            ]
         );
         same_layout!(
             gather,

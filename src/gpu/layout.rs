@@ -5,6 +5,12 @@ use bytemuck::{Pod, Zeroable};
 /// Levels of a shadow map's pyramid at most: maps of up to 2¹⁶ texels a side.
 pub(super) const LEVELS: usize = 17;
 
+/// Parts that stored depths span half of: a ray is so far away where it is nearer or farther than all of them.
+pub(super) const FARTHEST: i32 = 1 << 30;
+
+/// Parts that the length of a ray over the light map is counted in.
+pub(super) const TICKS: u32 = 1 << 30;
+
 /// `VectorParams` of kernels/prelude/vector.wgsl and reduction.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
@@ -28,9 +34,9 @@ pub(super) struct Transport {
     pub(super) sigma_t: [f32; 4],
     pub(super) light_size: [i32; 2],
     pub(super) shadow_size: [i32; 2],
-    pub(super) shadow_from_light: [f32; 2],
     pub(super) shadow_top: u32,
     pub(super) steps: u32,
+    pub(super) pad: [u32; 2],
     pub(super) levels: [[u32; 4]; LEVELS],
 }
 
@@ -38,15 +44,28 @@ pub(super) struct Transport {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(super) struct Ray {
-    pub(super) entry: [f32; 2],
+    pub(super) strength: [f32; 4],
+    pub(super) entry_cell: [i32; 2],
+    pub(super) entry_fraction: [f32; 2],
+    pub(super) first_high: [u32; 2],
+    pub(super) first_low: [u32; 2],
+    pub(super) step_high: [u32; 2],
+    pub(super) step_low: [u32; 2],
     pub(super) slope: [f32; 2],
-    pub(super) shadow_entry: [f32; 2],
-    pub(super) shadow_clip: [f32; 2],
-    pub(super) depth: f32,
+    pub(super) shadow_clip: [u32; 2],
+    pub(super) shadow_cell: [i32; 2],
+    pub(super) shadow_first_high: [u32; 2],
+    pub(super) shadow_first_low: [u32; 2],
+    pub(super) shadow_step_high: [u32; 2],
+    pub(super) shadow_step_low: [u32; 2],
+    pub(super) depth_window: [u32; 2],
+    pub(super) depth: i32,
+    pub(super) depth_step_high: i32,
+    pub(super) depth_step_low: u32,
     pub(super) depth_slope: f32,
     pub(super) length: f32,
     pub(super) before: f32,
-    pub(super) strength: [f32; 4],
+    pub(super) pad: [f32; 2],
 }
 
 /// `Pass` of kernels/prelude/light_map.wgsl.

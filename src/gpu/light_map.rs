@@ -2,19 +2,17 @@
 
 use std::cell::RefCell;
 
-use bytemuck::Zeroable;
-use glam::DVec2;
-
 use super::Gpu;
 use super::device::Allocation;
 use super::fixed_point::{Accumulation, FixedSums};
 use super::kernel::{Consumer, Kernel, RAYS, Walk};
 use super::layout::{LEVELS, Pass, Ray, Transport};
+use super::ray::{Depths, ray};
 use super::recorder::Binding;
 use super::vector::{GpuVector, MOST_WORKGROUPS, Slab};
 use crate::march::LightMapTraversal;
 use crate::operator::{LinearOperator, Vector, expect_len};
-use crate::scene::{Quadrature, ShadowMap};
+use crate::scene::Quadrature;
 use crate::{Error, Result};
 
 /// T of a light map, walked on the device.
@@ -47,20 +45,22 @@ impl Walked {
     pub fn new(gpu: &Gpu, traversal: &LightMapTraversal, colored: bool, deterministic: bool) -> Result<Self> {
         let shared = traversal.transport();
         let walk = Walk::new(shared.basis, shared.quadrature, colored, 3);
-        let rays: Vec<Ray> = (0..traversal.rays().len()).map(|row| ray(traversal, row)).collect();
+        let depths = Depths::of(&shared.shadow_map);
+        let rays: Vec<Ray> = (0..traversal.rays().len()).map(|row| ray(traversal, &depths, row)).collect();
         let sum = |power: i32| -> f64 {
             let most = |ray: &Ray| ray.strength.iter().copied().fold(0.0, f32::max);
             rays.iter().map(|ray| f64::from(most(ray)).powi(power)).sum()
         };
         let (rows, elements) = (rays.len(), shared.light_map.len());
         let accumulation = gpu.accumulation(deterministic);
+        check_rounds(gpu, traversal, accumulation)?;
         let fixed = match accumulation {
             Accumulation::Fixed => {
                 Some(RefCell::new(FixedSums::new(gpu, elements, &GpuVector::zeros(gpu, rows))?))
             }
             Accumulation::Float | Accumulation::Swap => None,
         };
-        let (depths, ranges, levels) = pyramid(&shared.shadow_map);
+        let (depths, ranges, levels) = depths.pyramid(&shared.shadow_map);
         let bytes = size_of_val(&depths[..]).max(size_of_val(&ranges[..])) as u64;
         if bytes > gpu.binding_limit() {
             return Err(Error::TooLarge {
@@ -198,66 +198,47 @@ impl LinearOperator for Walked {
     }
 }
 
-/// A row as the kernel walks it: cut to the light map in f64, and measured from there.
-fn ray(traversal: &LightMapTraversal, row: usize) -> Ray {
-    let shared = traversal.transport();
-    let Some([enter, leave]) = traversal.over_the_map(row) else { return Ray::zeroed() };
-    let view = &traversal.rays()[row];
-    let point = view.origin + enter * view.direction;
-    let [direction, entry] = [view.direction, point].map(|v| DVec2::new(v.x, v.y));
-    let length = leave - enter;
-    let [shadow_enter, shadow_leave] = traversal
-        .over_the_shadow_map(row, enter, leave)
-        .map_or([length; 2], |clip| clip.map(|t| (t - enter).clamp(0.0, length)));
-    let strength: [f64; 3] = std::array::from_fn(|c| view.scattering[c] * (-shared.sigma_t[c] * enter).exp());
-    let pair = |v: DVec2| [v.x as f32, v.y as f32];
-    let shadow_map = &shared.shadow_map;
-    Ray {
-        entry: pair(shared.light_map.grid_from_light(entry)),
-        slope: pair(direction * shared.light_map.density()),
-        shadow_entry: pair(shadow_map.grid().grid_from_light(entry)),
-        shadow_clip: [shadow_enter as f32, shadow_leave as f32],
-        depth: (point.z - shadow_map.depth_origin()) as f32,
-        depth_slope: view.direction.z as f32,
-        length: length as f32,
-        before: enter as f32,
-        strength: [strength[0] as f32, strength[1] as f32, strength[2] as f32, 0.0],
+/// Whether the loops of one ray end by themselves: Mesa's software adapter counts the rounds of all loops of an
+/// invocation, and leaves them in silence after 65535.
+///
+/// Errors: [`Error::TooLarge`].
+fn check_rounds(gpu: &Gpu, traversal: &LightMapTraversal, accumulation: Accumulation) -> Result<()> {
+    const ROUNDS: usize = 60_000;
+    if gpu.record().is_hardware() {
+        return Ok(());
     }
+    let shared = traversal.transport();
+    let half_way = |size: [usize; 2]| size[0] + size[1];
+    let steps = match shared.quadrature {
+        Quadrature::Exact => half_way(shared.light_map.size),
+        Quadrature::March { steps } => 3 * steps as usize,
+    };
+    let waits = if accumulation == Accumulation::Swap { 16 } else { 0 };
+    let needed = (2 + waits) * steps + 3 * half_way(shared.shadow_map.grid().size);
+    if needed <= ROUNDS {
+        return Ok(());
+    }
+    Err(Error::TooLarge {
+        what: "a ray on a software adapter".to_owned(),
+        needed: format!("{needed} rounds of its loops"),
+        limit: ROUNDS.to_string(),
+        remedy: "lower the maps' sizes or the steps, choose the strategy `assembled`, or use --backend cpu",
+    })
 }
 
 fn uniform(traversal: &LightMapTraversal, levels: [[u32; 4]; LEVELS]) -> Transport {
     let shared = traversal.transport();
     let [r, g, b] = shared.sigma_t.map(|sigma| sigma as f32);
-    let shadow = shared.shadow_map.grid();
-    let ratio = shadow.density() / shared.light_map.density();
     Transport {
         sigma_t: [r, g, b, 0.0],
         light_size: shared.light_map.size.map(|side| side as i32),
-        shadow_size: shadow.size.map(|side| side as i32),
-        shadow_from_light: [ratio.x as f32, ratio.y as f32],
+        shadow_size: shared.shadow_map.grid().size.map(|side| side as i32),
         shadow_top: shared.shadow_map.top() as u32,
         steps: match shared.quadrature {
             Quadrature::Exact => 0,
             Quadrature::March { steps } => steps,
         },
+        pad: [0; 2],
         levels,
     }
-}
-
-/// The depths, the ranges of the nodes above them, and where each level begins among those and how wide it is.
-fn pyramid(map: &ShadowMap) -> (Vec<f32>, Vec<[f32; 2]>, [[u32; 4]; LEVELS]) {
-    // Kernels have no infinity; the largest number is as far.
-    let far = |z: f32| z.clamp(f32::MIN, f32::MAX);
-    let [mut width, mut height] = map.grid().size;
-    let depths = (0..width * height).map(|k| far(map.depth(k % width, k / width))).collect();
-    let (mut ranges, mut levels) = (Vec::new(), [[0; 4]; LEVELS]);
-    for level in 1..=map.top() {
-        (width, height) = (width.div_ceil(2), height.div_ceil(2));
-        levels[level] = [ranges.len() as u32, width as u32, height as u32, 0];
-        ranges.extend((0..width * height).map(|k| map.range(level, k % width, k / width).map(far)));
-    }
-    if ranges.is_empty() {
-        ranges.push([0.0; 2]);
-    }
-    (depths, ranges, levels)
 }

@@ -11,6 +11,7 @@ mod kernel;
 mod known_answers;
 mod layout;
 mod light_map;
+mod ray;
 mod recorder;
 mod rows;
 mod sums;
