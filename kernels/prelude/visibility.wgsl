@@ -174,8 +174,10 @@ fn lit_next(ray: Ray, stretch: ptr<function, vec2<u32>>) -> bool {
                 return true;
             }
         } else {
-            let ticks = abs(f32(range.x - depth.x) / ray.depth_slope);
-            let cut = clamp(start + u32(min(ticks, f32(TICKS))), start, end);
+            // From where the depth is known.
+            let known = max(start, ray.depth_window.x);
+            let ticks = abs(f32(range.x - depth_at(ray, known)) / ray.depth_slope);
+            let cut = clamp(known + u32(min(ticks, f32(TICKS))), start, end);
             if depth.y > depth.x {
                 open_at(start);
                 if close_at(cut, stretch) {
