@@ -28,7 +28,7 @@ pub fn known_answers(record: &AdapterRecord) -> Result<()> {
         elements: (0..ELEMENTS as u32 - 1).flat_map(|row| [row, row + 1]).collect(),
         weights: vec![[1.0, 2.0].repeat(ELEMENTS - 1)],
     };
-    let kept = Kept::new(&gpu, &table, ELEMENTS)?;
+    let kept = Kept::new(&gpu, table, ELEMENTS)?;
     let mut shown = kept.range();
     kept.apply(&x, &mut shown)?;
     let got = shown.to_host()?;

@@ -1,12 +1,19 @@
 //! Rows that are kept on the device, and their transpose: both directions gather, without atomics and always in the same order.
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use super::Gpu;
 use super::device::Allocation;
 use super::kernel::{Kernel, LANES};
 use super::layout::Rows;
-use super::vector::{GpuVector, MOST_WORKGROUPS};
-use crate::operator::{LinearOperator, expect_len};
+use super::vector::{GpuVector, Index, MOST_WORKGROUPS};
+use crate::operator::{Indexed, LinearOperator, expect_len};
 use crate::{Error, Result};
+
+/// Non-zeros that one row may have before it is cut up. The texels around an eye are in every row of its view, and a few
+/// lanes would work on their columns long after all others are done.
+const LONG: usize = 4096;
 
 /// Rows of a matrix on the host: where each begins, which elements it has, and their weights, one channel after the other.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -23,6 +30,15 @@ impl RowTable {
     /// The number of rows.
     pub fn rows(&self) -> usize {
         self.offsets.len().saturating_sub(1)
+    }
+
+    /// Adds some non-zeros of another table as a row.
+    fn append(&mut self, other: &Self, range: Range<usize>) {
+        self.elements.extend_from_slice(&other.elements[range.clone()]);
+        for (mine, theirs) in self.weights.iter_mut().zip(&other.weights) {
+            mine.extend_from_slice(&theirs[range.clone()]);
+        }
+        self.offsets.push(self.elements.len());
     }
 
     /// Its transpose; elements keep the order of the rows.
@@ -67,6 +83,17 @@ struct Table {
     colored: bool,
     sharers: u32,
     slabs: Vec<TableSlab>,
+    long: Option<Box<Long>>,
+}
+
+/// Rows that are cut into pieces: each piece a sum, and each row the sum of its pieces.
+#[derive(Debug)]
+struct Long {
+    pieces: Table,
+    sums: Table,
+    /// Which rows they are.
+    index: Index,
+    scratch: [GpuVector; 2],
 }
 
 /// So many rows as can be seen at once.
@@ -84,7 +111,7 @@ impl Kept {
     /// Hands the rows over.
     ///
     /// Errors: [`Error::AdapterMemory`]; [`Error::TooLarge`] for vectors, or single rows, that a kernel cannot see as a whole.
-    pub fn new(gpu: &Gpu, rows: &RowTable, elements: usize) -> Result<Self> {
+    pub fn new(gpu: &Gpu, rows: RowTable, elements: usize) -> Result<Self> {
         // Elements of a row lie anywhere, so a channel must be visible as a whole.
         let longest = elements.max(rows.rows()) as u64 * size_of::<f32>() as u64;
         if longest > gpu.binding_limit() {
@@ -96,9 +123,9 @@ impl Kept {
             });
         }
         Ok(Self {
-            by_row: Table::new(gpu, rows)?,
-            by_column: Table::new(gpu, &rows.transposed(elements))?,
             nonzeros: rows.elements.len(),
+            by_column: Table::new(gpu, rows.transposed(elements))?,
+            by_row: Table::new(gpu, rows)?,
             gpu: gpu.clone(),
         })
     }
@@ -122,8 +149,48 @@ impl Kept {
     }
 }
 
+impl Long {
+    /// Takes the long rows out of a table, which has none of them afterwards.
+    fn cut_out(gpu: &Gpu, table: &mut RowTable) -> Result<Option<Box<Self>>> {
+        let is_long = |table: &RowTable, row: usize| table.offsets[row + 1] - table.offsets[row] > LONG;
+        let long: Arc<[u32]> =
+            (0..table.rows()).filter(|&row| is_long(table, row)).map(|row| row as u32).collect();
+        if long.is_empty() {
+            return Ok(None);
+        }
+        let channels = table.weights.len();
+        let empty =
+            || RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); channels] };
+        let (mut pieces, mut short) = (empty(), empty());
+        let mut sums = RowTable { weights: vec![Vec::new()], ..empty() };
+        for row in 0..table.rows() {
+            let range = table.offsets[row]..table.offsets[row + 1];
+            if is_long(table, row) {
+                for first in range.clone().step_by(LONG) {
+                    sums.elements.push(pieces.rows() as u32);
+                    sums.weights[0].push(1.0);
+                    pieces.append(table, first..(first + LONG).min(range.end));
+                }
+                sums.offsets.push(sums.elements.len());
+                short.append(table, 0..0);
+            } else {
+                short.append(table, range);
+            }
+        }
+        *table = short;
+        let scratch = [GpuVector::zeros(gpu, pieces.rows()), GpuVector::zeros(gpu, long.len())];
+        Ok(Some(Box::new(Self {
+            index: scratch[0].index(&long)?,
+            pieces: Table::new(gpu, pieces)?,
+            sums: Table::new(gpu, sums)?,
+            scratch,
+        })))
+    }
+}
+
 impl Table {
-    fn new(gpu: &Gpu, table: &RowTable) -> Result<Self> {
+    fn new(gpu: &Gpu, mut table: RowTable) -> Result<Self> {
+        let long = Long::cut_out(gpu, &mut table)?;
         let rows = table.rows();
         let channels = table.weights.len();
         let at_once = gpu.binding_limit() as usize / (size_of::<f32>() * channels);
@@ -162,7 +229,7 @@ impl Table {
             });
             first += count;
         }
-        Ok(Self { rows, colored: channels == 3, sharers, slabs })
+        Ok(Self { rows, colored: channels == 3, sharers, slabs, long })
     }
 
     /// y ← the rows times x.
@@ -191,6 +258,12 @@ impl Table {
                 ];
                 gpu.dispatch(kernel, &params, &[&bindings], grid(slab.rows, LANES / self.sharers));
             }
+        }
+        if let Some(long) = &self.long {
+            let [pieces, sums] = &long.scratch;
+            long.pieces.gather(gpu, x, pieces, squared);
+            long.sums.gather(gpu, pieces, sums, false);
+            y.overwrite(sums, &long.index);
         }
     }
 }

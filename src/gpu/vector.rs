@@ -178,6 +178,20 @@ impl GpuVector {
         3 * (self.len.div_ceil(PIECE as usize) + slabs)
     }
 
+    /// self[index[k]] ← other[k], and nothing else.
+    pub(super) fn overwrite(&self, other: &Self, index: &Index) {
+        debug_assert_eq!(other.len, index.len);
+        for channels in Self::channels(&[self, other]) {
+            for slab in other.slabs(channels) {
+                for there in self.slabs(channels) {
+                    let bindings = [self.binding(there), other.binding(slab), index.binding(slab)];
+                    let params = other.params(slab).looking_at(self, there);
+                    self.gpu.dispatch(Kernel::Place, &params, &[&bindings], workgroups(slab));
+                }
+            }
+        }
+    }
+
     /// Makes the same sums from two words of fixed point.
     pub(super) fn finish_fixed(&mut self, words: &[Self; 2], scales: &Allocation) {
         let [low, high] = words;
@@ -324,17 +338,8 @@ impl Indexed for GpuVector {
     }
 
     fn place(&mut self, other: &Self, index: &Index) {
-        debug_assert_eq!(other.len, index.len);
         self.fill([0.0; 3]);
-        for channels in Self::channels(&[self, other]) {
-            for slab in other.slabs(channels) {
-                for there in self.slabs(channels) {
-                    let bindings = [self.binding(there), other.binding(slab), index.binding(slab)];
-                    let params = other.params(slab).looking_at(self, there);
-                    self.gpu.dispatch(Kernel::Place, &params, &[&bindings], workgroups(slab));
-                }
-            }
-        }
+        self.overwrite(other, index);
     }
 
     fn difference(&mut self, x: &Self, heads: &Index, tails: &Index) {

@@ -80,7 +80,7 @@ impl GpuLightMapOperator {
             LightMapOperator::Grey(transport) => table(transport),
             LightMapOperator::Colored(transport) => table(transport),
         };
-        Ok((Kept::new(gpu, &table, problem.maps.light_map.len())?, rows))
+        Ok((Kept::new(gpu, table, problem.maps.light_map.len())?, rows))
     }
 
     /// Whether its products are the same bits in every run.
