@@ -1,6 +1,6 @@
-// Depositing along a ray. All rays of a view meet around its eye, so the texels near where a workgroup's rays enter the map are
-// summed up inside the workgroup first, and reach the map once a workgroup instead of once a ray. Those sums are in fixed
-// point, so that no loop waits for other lanes.
+// Depositing along a ray. All rays of a view meet around its eye, so with NEAR the texels near where a workgroup's rays enter
+// the map are summed up inside the workgroup first, and reach the map once a workgroup instead of once a ray. Those sums are
+// in fixed point, so that no loop waits for other lanes.
 
 var<private> carrying: vec3<f32>;
 var<workgroup> corner: vec2<i32>;
@@ -39,7 +39,7 @@ fn visit(texel: vec2<i32>, weight: Weight) {
     }
     let near = texel - corner;
     let value = carried(weights_of(weight), carrying);
-    if all(near >= vec2(0)) && all(near < vec2(NEAR)) {
+    if NEAR > 0 && all(near >= vec2(0)) && all(near < vec2(NEAR)) {
         let k = u32(near.y * NEAR + near.x) * CHANNELS;
         deposit_near(k, value.x, 0u);
         if CHANNELS == 3u {
@@ -70,10 +70,12 @@ fn main(
         for (var c = 0u; c < CHANNELS; c++) {
             carrying[c] = y[c * parameters.y_stride + parameters.y_first + id.x];
         }
-        let strength = rays[id.x].strength.xyz;
-        let most = max(max(strength.x, strength.y), strength.z);
-        let bright = abs(carried(vec3(most), carrying));
-        atomicMax(&brightest, bitcast<u32>(max(max(bright.x, bright.y), bright.z)));
+        if NEAR > 0 {
+            let strength = rays[id.x].strength.xyz;
+            let most = max(max(strength.x, strength.y), strength.z);
+            let bright = abs(carried(vec3(most), carrying));
+            atomicMax(&brightest, bitcast<u32>(max(max(bright.x, bright.y), bright.z)));
+        }
     }
     workgroupBarrier();
     if is_ray {
@@ -81,7 +83,7 @@ fn main(
     }
     workgroupBarrier();
     for (var k = lane.x; k < u32(NEAR * NEAR); k += RAYS) {
-        let texel = corner + vec2(i32(k) % NEAR, i32(k) / NEAR);
+        let texel = corner + vec2(i32(k) % max(NEAR, 1), i32(k) / max(NEAR, 1));
         let e = local_element(texel);
         if all(texel >= vec2(0)) && all(texel < transport.light_size) && e < parameters.x_len {
             for (var c = 0u; c < CHANNELS; c++) {

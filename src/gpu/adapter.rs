@@ -79,6 +79,9 @@ pub struct Choice {
     pub binding_limit: Option<u64>,
     /// Whether f32 sums are made by compare-and-swap even where the adapter has atomics for them.
     pub without_float_atomics: bool,
+    /// Whether deposits where all rays of a view meet are summed up inside a workgroup first. By default on hardware, where
+    /// many lanes would wait for one texel, and not on software adapters, where few lanes run at once and it doubles the work.
+    pub sums_near: Option<bool>,
     /// A fault to simulate.
     pub fault: Option<Fault>,
 }

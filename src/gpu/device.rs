@@ -31,6 +31,7 @@ pub(super) struct Inner {
     record: AdapterRecord,
     binding_limit: u64,
     float_atomics: bool,
+    sums_near: bool,
     fault: Option<Fault>,
     failure: Arc<Mutex<Option<Error>>>,
     recorder: RefCell<Recorder>,
@@ -117,6 +118,7 @@ impl Gpu {
         let gpu = Self(Rc::new(Inner {
             binding_limit: choice.binding_limit.map_or(limit, |lower| lower.min(limit)),
             float_atomics: record.float_atomics && !choice.without_float_atomics,
+            sums_near: choice.sums_near.unwrap_or(record.is_hardware()),
             fault: choice.fault,
             device,
             queue,
@@ -208,6 +210,11 @@ impl Gpu {
     /// Bytes that a kernel may see of one buffer.
     pub(super) fn binding_limit(&self) -> u64 {
         self.0.binding_limit
+    }
+
+    /// Whether deposits near an eye are summed up inside a workgroup first.
+    pub(super) fn sums_near(&self) -> bool {
+        self.0.sums_near
     }
 
     /// How sums are made where many rays meet.

@@ -74,12 +74,15 @@ pub(super) struct Walk {
     pub(super) colored: bool,
     /// Channels at once: 1 or 3.
     pub(super) channels: u32,
+    /// Whether deposits near the entry are summed up inside a workgroup first.
+    pub(super) near: bool,
 }
 
 impl Walk {
-    pub(super) fn new(basis: Basis, quadrature: Quadrature, colored: bool, channels: u32) -> Self {
+    /// All channels at once, every deposit for itself.
+    pub(super) fn new(basis: Basis, quadrature: Quadrature, colored: bool) -> Self {
         let march = matches!(quadrature, Quadrature::March { .. });
-        Self { bilinear: basis == Basis::Bilinear, march, colored, channels }
+        Self { bilinear: basis == Basis::Bilinear, march, colored, channels: 3, near: false }
     }
 }
 
@@ -209,8 +212,9 @@ impl Kernel {
                 put(format!("const RAYS: u32 = {RAYS}u;\nconst LEVELS: u32 = {LEVELS}u;"));
                 put(format!("const TICKS: u32 = {TICKS}u;\nconst FARTHEST: i32 = {FARTHEST};"));
                 put(format!("const RAYS_EXPONENT: i32 = {};", RAYS.ilog2()));
-                put(format!("const NEAR: i32 = {NEAR};"));
-                put(format!("const NEAR_NUMBERS: u32 = {}u;", NEAR * NEAR * walk.channels));
+                let near = if walk.near { NEAR } else { 0 };
+                put(format!("const NEAR: i32 = {near};"));
+                put(format!("const NEAR_NUMBERS: u32 = {}u;", (near * near * walk.channels).max(1)));
                 put(format!(
                     "const CHANNELS: u32 = {}u;\nconst MARCH: bool = {};",
                     walk.channels, walk.march
@@ -295,10 +299,12 @@ impl Kernel {
         for colored in [false, true] {
             for channels in [1, 3] {
                 for [bilinear, march] in [[false, false], [false, true], [true, false], [true, true]] {
-                    let walk = Walk { bilinear, march, colored, channels };
+                    let walk = Walk { bilinear, march, colored, channels, near: false };
                     all.push(Self::LightMap(Consumer::Gather, walk));
-                    all.extend(sums.map(|sums| Self::LightMap(Consumer::Scatter(sums), walk)));
-                    all.extend(sums.map(|sums| Self::LightMap(Consumer::Squares(sums), walk)));
+                    for walk in [walk, Walk { near: true, ..walk }] {
+                        all.extend(sums.map(|sums| Self::LightMap(Consumer::Scatter(sums), walk)));
+                        all.extend(sums.map(|sums| Self::LightMap(Consumer::Squares(sums), walk)));
+                    }
                 }
                 for squared in [false, true] {
                     all.extend([1, 8, 32].map(|sharers| Self::Rows { colored, channels, squared, sharers }));
@@ -418,7 +424,7 @@ mod tests {
 
     #[test]
     fn members_lie_where_the_kernels_look_for_them() {
-        let walk = Walk { bilinear: true, march: false, colored: false, channels: 3 };
+        let walk = Walk { bilinear: true, march: false, colored: false, channels: 3, near: false };
         let gather = Kernel::LightMap(Consumer::Gather, walk);
         for kernel in [Kernel::Axpby, Kernel::Dot] {
             same_layout!(

@@ -44,7 +44,7 @@ impl Walked {
     /// Errors: [`Error::AdapterMemory`], [`Error::TooLarge`] for a shadow map that a kernel cannot see as a whole.
     pub fn new(gpu: &Gpu, traversal: &LightMapTraversal, colored: bool, deterministic: bool) -> Result<Self> {
         let shared = traversal.transport();
-        let walk = Walk::new(shared.basis, shared.quadrature, colored, 3);
+        let walk = Walk::new(shared.basis, shared.quadrature, colored);
         let depths = Depths::of(&shared.shadow_map);
         let rays: Vec<Ray> = (0..traversal.rays().len()).map(|row| ray(traversal, &depths, row)).collect();
         let sum = |power: i32| -> f64 {
@@ -137,7 +137,8 @@ impl Walked {
         let y = vectors[0];
         let shared = [self.depths.whole(), self.ranges.whole(), self.transport.whole()];
         for channels in GpuVector::channels(vectors) {
-            let kernel = Kernel::LightMap(consumer, Walk { channels: channels[1], ..self.walk });
+            let near = consumer != Consumer::Gather && self.gpu.sums_near();
+            let kernel = Kernel::LightMap(consumer, Walk { channels: channels[1], near, ..self.walk });
             for (first, rays) in &self.rays {
                 let count = rays.buffer.size() as usize / size_of::<Ray>();
                 for slab_of_y in y.slabs(channels) {

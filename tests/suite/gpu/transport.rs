@@ -73,10 +73,12 @@ fn basis(bilinear: bool) -> Basis {
 }
 
 thread_local! {
-    /// Whole vectors, in f32 and in fixed point; sums by compare-and-swap; slabs of a thousand elements and a few rays.
-    static WALKS: [(Gpu, bool); 5] = [
+    /// Whole vectors, in f32 and in fixed point, also with sums inside workgroups; sums by compare-and-swap; slabs of a thousand elements and a few rays.
+    static WALKS: [(Gpu, bool); 7] = [
         (gpu(), false),
         (gpu(), true),
+        (open(Choice { sums_near: Some(true), ..Choice::default() }), false),
+        (open(Choice { sums_near: Some(true), ..Choice::default() }), true),
         (open(Choice { without_float_atomics: true, ..Choice::default() }), false),
         (narrow(4096), false),
         (narrow(4096), true),
@@ -140,7 +142,10 @@ fn squares_are_the_diagonal_of_the_normal_matrix() {
     for colored in [false, true] {
         let traversal = traversal(11, 200, Basis::Bilinear, Quadrature::Exact, colored);
         let elements = traversal.transport().light_map.len();
-        for (gpu, deterministic) in [(gpu(), false), (gpu(), true), (narrow(4096), false)] {
+        let near = || open(Choice { sums_near: Some(true), ..Choice::default() });
+        for (gpu, deterministic) in
+            [(gpu(), false), (gpu(), true), (near(), false), (near(), true), (narrow(4096), false)]
+        {
             let walked = Walked::new(&gpu, &traversal, colored, deterministic).unwrap();
             let kept = Kept::new(&gpu, table(&traversal, colored), elements).unwrap();
             let mut y = random(walked.range(), 3);
