@@ -101,6 +101,9 @@ pub(crate) struct LightMapArguments {
     /// Bit-identical results in every run; the processor always gives them, graphics adapters at a price.
     #[arg(long)]
     pub(crate) deterministic: bool,
+    /// Find shadows, and the depth behind painted pixels, by a depth pass on the graphics adapter instead of by rays.
+    #[arg(long)]
+    pub(crate) rasterize: bool,
     /// Continue from the checkpoint in the output folder.
     #[arg(long)]
     pub(crate) resume: bool,

@@ -6,12 +6,12 @@ use super::placement::Placement;
 use super::progress::{Steps, watch_interrupt};
 use super::results::{Folder, Painted, ViewPictures};
 use super::{Done, Manners, job, resume};
-use crate::Result;
 use crate::operator::CpuVector;
 use crate::problem::{Assessment, LightMapProblem, Paused, render};
 use crate::report::{self, Report};
 use crate::scene::{Image, Rgb, Scene};
 use crate::solve::StopReason;
+use crate::{Error, Result};
 
 /// `unscatter light-map`: from painted strokes to a light map, pictures and a report.
 pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Done> {
@@ -23,7 +23,7 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     watch_interrupt()?;
 
     steps.begin("tracing", None);
-    let problem = LightMapProblem::new(&scene)?;
+    let problem = trace(&scene, &engine, arguments.rasterize)?;
     job::settle_metric(&mut scene, &problem);
     let checkpoint = resume::Keeper::new(&folder, &scene, &problem);
     let resumed = if arguments.resume { Some(checkpoint.read()?) } else { None };
@@ -58,6 +58,32 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     manners.print(&report.to_json()?, &summary(&report, &folder));
     let was_interrupted = solved.outcome.stop.reason == StopReason::Interrupted;
     Ok(if was_interrupted { Done::Interrupted } else { Done::Completely })
+}
+
+/// The problem, with surfaces found by rays or by a depth pass.
+///
+/// Errors: [`Error::Adapter`] for a depth pass without an adapter.
+fn trace(scene: &Scene, engine: &Engine, rasterize: bool) -> Result<LightMapProblem> {
+    if !rasterize {
+        return LightMapProblem::new(scene);
+    }
+    match engine {
+        #[cfg(feature = "gpu")]
+        Engine::Gpu { gpu, or_cpu } => {
+            match LightMapProblem::with(scene, &crate::problem::Rasterized(gpu.clone())) {
+                Err(error) if *or_cpu && error.is_of_adapter() => {
+                    tracing::warn!("{error}; tracing rays instead");
+                    LightMapProblem::new(scene)
+                }
+                problem => problem,
+            }
+        }
+        Engine::Cpu => Err(Error::Adapter {
+            adapter: "none".to_owned(),
+            problem: "cannot rasterize".to_owned(),
+            remedy: "choose one by --backend gpu or --adapter, or leave --rasterize away",
+        }),
+    }
 }
 
 #[cfg(feature = "gpu")]

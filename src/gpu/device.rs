@@ -240,8 +240,15 @@ impl Gpu {
     ///
     /// Errors: [`Error::AdapterMemory`].
     pub(super) fn try_allocate(&self, what: &str, bytes: u64) -> Result<Allocation> {
-        self.check()?;
         let bytes = bytes.next_multiple_of(4).max(4);
+        self.guarded(what, bytes, || self.create(bytes))
+    }
+
+    /// Something that takes memory, if there is enough.
+    ///
+    /// Errors: [`Error::AdapterMemory`].
+    fn guarded<T>(&self, what: &str, bytes: u64, make: impl FnOnce() -> T) -> Result<T> {
+        self.check()?;
         let refused = || Error::AdapterMemory {
             adapter: self.0.record.name.clone(),
             what: what.to_owned(),
@@ -253,9 +260,9 @@ impl Gpu {
             return Err(refused());
         }
         let scope = self.0.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let allocation = self.create(bytes);
+        let made = make();
         match pollster::block_on(scope.pop()) {
-            None => Ok(allocation),
+            None => Ok(made),
             Some(_) => Err(refused()),
         }
     }
@@ -341,6 +348,64 @@ impl Gpu {
             done += part;
         }
         Ok(values)
+    }
+
+    /// The device, for what is no kernel.
+    pub(super) fn device(&self) -> &wgpu::Device {
+        &self.0.device
+    }
+
+    /// Corners of triangles to draw.
+    ///
+    /// Errors: [`Error::AdapterMemory`].
+    pub(super) fn upload_corners<T: Pod>(&self, what: &str, corners: &[T]) -> Result<wgpu::Buffer> {
+        let bytes = size_of_val(corners) as u64;
+        self.guarded(what, bytes, || {
+            self.0.device.create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size: bytes,
+                usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        })
+        .inspect(|buffer| self.0.queue.write_buffer(buffer, 0, bytemuck::cast_slice(corners)))
+    }
+
+    /// Draws, and reads the `bytes` that drawing has left: a round trip.
+    pub(super) fn draw_and_read<T: Pod>(
+        &self,
+        bytes: u64,
+        draw: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::Buffer),
+    ) -> Result<Vec<T>> {
+        let staging = self.guarded("a picture", bytes, || {
+            self.0.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("reading"),
+                size: bytes,
+                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+                mapped_at_creation: false,
+            })
+        })?;
+        self.submit(&mut self.0.recorder.borrow_mut(), None, |encoder| draw(encoder, &staging));
+        self.map(&staging, bytes)
+    }
+
+    /// A pipeline that draws.
+    ///
+    /// Errors: [`Error::Adapter`] with what the compiler says.
+    pub(super) fn compile_drawing(
+        &self,
+        name: &'static str,
+        source: &str,
+        make: impl FnOnce(&wgpu::Device, &wgpu::ShaderModule) -> wgpu::RenderPipeline,
+    ) -> Result<wgpu::RenderPipeline> {
+        self.check()?;
+        self.compiled(name, || {
+            let source = wgpu::ShaderSource::Wgsl(source.into());
+            let device = &self.0.device;
+            let module =
+                device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(name), source });
+            make(device, &module)
+        })
     }
 
     /// Hands over what is recorded and copies `bytes` of a buffer into one that is then read: a round trip.
@@ -434,40 +499,47 @@ impl Gpu {
 
     /// Errors: [`Error::Adapter`] with what the compiler says.
     fn compile(&self, kernel: Kernel, source: &str) -> Result<Arc<Pipeline>> {
-        let device = &self.0.device;
-        let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(kernel.name()),
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
-        let layouts: Vec<_> = kernel.bindings().iter().map(|group| group_layout(device, group)).collect();
-        let all: Vec<_> = layouts.iter().map(Some).collect();
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(kernel.name()),
-            bind_group_layouts: &all,
-            immediate_size: 0,
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(kernel.name()),
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some("main"),
-            compilation_options: Default::default(),
-            cache: None,
-        });
+        self.compiled(kernel.name(), || Arc::new(pipeline(&self.0.device, kernel, source)))
+    }
+
+    /// Something that is compiled, if the adapter can.
+    ///
+    /// Errors: [`Error::Adapter`] with what the compiler says.
+    fn compiled<T>(&self, name: &str, make: impl FnOnce() -> T) -> Result<T> {
+        let scope = self.0.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let made = make();
         match pollster::block_on(scope.pop()) {
-            None => Ok(Arc::new(Pipeline { pipeline, layouts })),
+            None => Ok(made),
             Some(error) => Err(Error::Adapter {
                 adapter: self.0.record.name.clone(),
-                problem: format!(
-                    "cannot compile the kernel `{}`: {}",
-                    kernel.name(),
-                    one_line(&error.to_string())
-                ),
+                problem: format!("cannot compile the kernel `{name}`: {}", one_line(&error.to_string())),
                 remedy: "use --backend cpu, or update its driver",
             }),
         }
     }
+}
+
+fn pipeline(device: &wgpu::Device, kernel: Kernel, source: &str) -> Pipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(kernel.name()),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    let layouts: Vec<_> = kernel.bindings().iter().map(|group| group_layout(device, group)).collect();
+    let all: Vec<_> = layouts.iter().map(Some).collect();
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(kernel.name()),
+        bind_group_layouts: &all,
+        immediate_size: 0,
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(kernel.name()),
+        layout: Some(&layout),
+        module: &module,
+        entry_point: Some("main"),
+        compilation_options: Default::default(),
+        cache: None,
+    });
+    Pipeline { pipeline, layouts }
 }
 
 fn group_layout(device: &wgpu::Device, accesses: &[Access]) -> wgpu::BindGroupLayout {

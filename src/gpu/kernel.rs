@@ -345,7 +345,12 @@ pub fn kernel_texts() -> Vec<KernelText> {
         variant: format!("{kernel:?}"),
         source: kernel.source(),
     };
-    Kernel::all().into_iter().map(text).collect()
+    let drawing = KernelText {
+        name: "surfaces",
+        variant: "surfaces".to_owned(),
+        source: super::surfaces::SURFACES.to_owned(),
+    };
+    Kernel::all().into_iter().map(text).chain([drawing]).collect()
 }
 
 #[cfg(test)]
@@ -359,21 +364,25 @@ mod tests {
     use super::*;
 
     fn module(kernel: Kernel) -> Result<naga::Module, String> {
-        let source = kernel.source();
-        let named = |error: String| format!("{kernel:?}: {error}");
+        valid(&format!("{kernel:?}"), &kernel.source())
+    }
+
+    fn valid(name: &str, source: &str) -> Result<naga::Module, String> {
+        let named = |error: String| format!("{name}: {error}");
         let module =
-            naga::front::wgsl::parse_str(&source).map_err(|error| named(error.emit_to_string(&source)))?;
+            naga::front::wgsl::parse_str(source).map_err(|error| named(error.emit_to_string(source)))?;
         let capabilities = naga::valid::Capabilities::SHADER_FLOAT32_ATOMIC;
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities)
             .validate(&module)
-            .map_err(|error| named(error.emit_to_string(&source)))?;
+            .map_err(|error| named(error.emit_to_string(source)))?;
         Ok(module)
     }
 
     #[test]
     fn every_kernel_is_valid_as_it_is_assembled() {
         let all = Kernel::all();
-        let failures: Vec<String> = all.iter().filter_map(|&kernel| module(kernel).err()).collect();
+        let mut failures: Vec<String> = all.iter().filter_map(|&kernel| module(kernel).err()).collect();
+        failures.extend(valid("surfaces", super::super::surfaces::SURFACES).err());
         assert!(failures.is_empty(), "{}", failures.join("\n"));
         assert!(all.len() > 100);
     }

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::{Constraint, light_map};
+use super::{Constraint, Surfaces, Traced};
 use crate::scene::{Extent, Grid, LightFrame, MapSettings, Ray, Scene, ShadowMap};
 use crate::{Error, Result};
 
@@ -35,11 +35,16 @@ pub fn fit(scene: &Scene) -> Result<Maps> {
         Err(Error::Empty { .. }) => Vec::new(),
         painted => painted?,
     };
-    fit_to(scene, &constraints, &light_map::lengths(scene, &constraints))
+    fit_to(scene, &constraints, &Traced.lengths(scene, &constraints)?, &Traced)
 }
 
 /// The same for constraints whose rays have these lengths.
-pub(super) fn fit_to(scene: &Scene, constraints: &[Constraint], lengths: &[f64]) -> Result<Maps> {
+pub(super) fn fit_to(
+    scene: &Scene,
+    constraints: &[Constraint],
+    lengths: &[f64],
+    surfaces: &dyn Surfaces,
+) -> Result<Maps> {
     let frame = scene.light.frame();
     let occluded = scene.geometry.mesh().positions.iter().fold(Extent::NOTHING, |extent, &point| {
         let p = frame.light_from_world(point);
@@ -57,7 +62,7 @@ pub(super) fn fit_to(scene: &Scene, constraints: &[Constraint], lengths: &[f64])
     let light_map = grid(&scene.light_map, if constraints.is_empty() { seen } else { painted }, occluded)?;
     let shadow_grid = grid(&scene.shadow_map, seen, occluded)?;
     let shadow_map = if occluded.has_area() {
-        ShadowMap::render(&scene.geometry, &frame, shadow_grid)?
+        surfaces.shadow_map(scene, &frame, shadow_grid)?
     } else {
         ShadowMap::open(shadow_grid)
     };

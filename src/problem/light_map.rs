@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::extents::fit_to;
 use super::transport::LightMapOperator;
-use super::{Constraint, Maps, constraints};
+use super::{Constraint, Maps, Surfaces, Traced, constraints};
 use crate::cpu::{Transport, WalkPlan};
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::CpuVector;
@@ -42,9 +42,14 @@ impl LightMapProblem {
     ///
     /// Errors: [`Error::Empty`] when nothing is painted or every painted pixel is in shadow.
     pub fn new(scene: &Scene) -> Result<Self> {
+        Self::with(scene, &Traced)
+    }
+
+    /// The same, with surfaces found in a way of the caller's.
+    pub fn with(scene: &Scene, surfaces: &dyn Surfaces) -> Result<Self> {
         let (constraints, paintings) = constraints(scene)?;
-        let lengths = lengths(scene, &constraints);
-        let maps = fit_to(scene, &constraints, &lengths)?;
+        let lengths = surfaces.lengths(scene, &constraints)?;
+        let maps = fit_to(scene, &constraints, &lengths, surfaces)?;
         let rays: Arc<[ViewRay]> = constraints
             .par_iter()
             .zip(&lengths)
@@ -163,17 +168,6 @@ fn passes_the_map([lit, outside]: &[[f64; 3]; 2]) -> bool {
 
 fn plan(traversal: &LightMapTraversal, grey: bool) -> WalkPlan {
     if grey { WalkPlan::new::<f32, 1>(traversal) } else { WalkPlan::new::<f32, 3>(traversal) }
-}
-
-/// Distance to the first surface behind each painted pixel; infinite where there is none.
-pub(super) fn lengths(scene: &Scene, constraints: &[Constraint]) -> Vec<f64> {
-    constraints
-        .par_iter()
-        .map(|pixel| {
-            let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
-            scene.geometry.first_hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |hit| hit.distance)
-        })
-        .collect()
 }
 
 /// What all rays of a scene share.

@@ -8,8 +8,11 @@ mod fill;
 mod gpu;
 mod light_map;
 mod painting;
+#[cfg(feature = "gpu")]
+mod rasterized;
 mod render;
 mod solution;
+mod surfaces;
 mod system;
 mod transport;
 
@@ -20,7 +23,10 @@ pub use extents::{Maps, fit};
 pub use gpu::GpuLightMapOperator;
 pub use light_map::LightMapProblem;
 pub use painting::paint;
+#[cfg(feature = "gpu")]
+pub use rasterized::Rasterized;
 pub use render::{Rendering, render};
 pub use solution::{Paused, Snapshot, Solved, SystemOperator, measure, method, solve, vectors};
+pub use surfaces::{Surfaces, Traced};
 pub use system::{System, Weights};
 pub use transport::{LightMapOperator, TransportOperator};

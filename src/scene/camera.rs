@@ -89,6 +89,13 @@ impl Camera {
         self.ray(x as f64 + 0.5, y as f64 + 0.5)
     }
 
+    /// A world-space point in homogeneous coordinates of the picture: x and y from −1 to 1, y upwards, and z = `near` w⁻¹ from 0
+    /// far away to 1 at `near` metres, each times w.
+    pub fn clip_from_world(&self, point: DVec3, near: f64) -> [f64; 4] {
+        let p = self.camera_from_world.transform_point3(point);
+        [p.x / self.half_extent.x, p.y / self.half_extent.y, near, -p.z]
+    }
+
     /// Where a world-space point appears in the picture, in pixels; none when it is not before the camera.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         let p = self.camera_from_world.transform_point3(point);

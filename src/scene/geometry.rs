@@ -5,6 +5,7 @@ mod triangle;
 use glam::DVec3;
 
 use self::hierarchy::Hierarchy;
+use self::triangle::Probe;
 use super::{LightFrame, Mesh, Ray, Rgb};
 use crate::{Error, Result};
 
@@ -81,6 +82,13 @@ impl Geometry {
         let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
         let albedo = self.mesh.materials[self.mesh.material_of[index] as usize].albedo;
         Some(Hit { distance, normal, albedo })
+    }
+
+    /// Where a ray meets one triangle, by its index in the mesh; none where it misses it or passes a hole.
+    pub fn hit_on(&self, ray: &Ray, triangle: usize) -> Option<f64> {
+        let meeting = Probe::new(ray).meet(&corners(&self.mesh, *self.mesh.triangles.get(triangle)?))?;
+        let there = meeting.distance > 0.0 && self.is_there(triangle, &meeting.weights);
+        there.then_some(meeting.distance)
     }
 
     /// Whether anything lies on the ray after its origin and before `limit` metres.

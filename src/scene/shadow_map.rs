@@ -48,6 +48,18 @@ impl ShadowMap {
     ///
     /// Cost: one ray a texel.
     pub fn render(geometry: &Geometry, frame: &LightFrame, grid: Grid) -> Result<Self> {
+        Self::render_by(geometry, frame, grid, |_, ray| {
+            geometry.first_hit(ray, f64::INFINITY).map(|hit| hit.distance)
+        })
+    }
+
+    /// The same with what finds the distance to the first surface along the ray of a texel, given its index.
+    pub fn render_by(
+        geometry: &Geometry,
+        frame: &LightFrame,
+        grid: Grid,
+        distance: impl Fn(usize, &Ray) -> Option<f64> + Sync,
+    ) -> Result<Self> {
         // A ray does not see what it starts on, so it starts before everything.
         let start = geometry.depths(frame).map_or(0.0, |[nearest, farthest]| {
             nearest - 1e-3 * (farthest - nearest) - 1e-6 * nearest.abs() - 1e-6
@@ -58,7 +70,7 @@ impl ShadowMap {
             .map(|index| {
                 let on_plane = grid.centre(index % grid.size[0], index / grid.size[0]);
                 let ray = Ray { origin: frame.world_from_light(on_plane.extend(start)), direction };
-                geometry.first_hit(&ray, f64::INFINITY).map_or(f32::INFINITY, |hit| hit.distance as f32)
+                distance(index, &ray).map_or(f32::INFINITY, |distance| distance as f32)
             })
             .collect();
         Self::new(grid, start, &depths)

@@ -32,6 +32,10 @@ mod device {
     /// A sum on a device, relative to the sum of its terms' magnitudes: some of its thirteen roundings in f32 a piece.
     pub const DEVICE_SUM: f64 = 2e-7;
 
+    /// The share of pixels that a depth pass may see otherwise than rays do: those along silhouettes, where a rasterizer has
+    /// moved a corner to its grid of 1/256 pixel.
+    pub const SILHOUETTES: f64 = 2e-3;
+
     /// One symmetric sweep over tiles of 64: each of its 128 steps rounds a few times, in another order than the host.
     pub const DEVICE_TILES: f64 = 1e-5;
 

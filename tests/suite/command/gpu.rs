@@ -132,3 +132,16 @@ fn doctor_and_check_know_the_adapter() {
         assert_eq!(checked.matches(way).count(), 3, "{checked}");
     }
 }
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn surfaces_can_be_rasterized_where_there_is_an_adapter() {
+    let desk = Desk::new();
+    solved(&desk, "drawn", "gpu", &["--rasterize"], "").exits_with(0);
+    solved(&desk, "traced", "gpu", &[], "").exits_with(0);
+    let after = |out: &str| desk.json(&format!("{out}/report.json"))["weighted_residual"]["after"].as_f64();
+    assert!((after("drawn").unwrap() / after("traced").unwrap() - 1.0).abs() < 0.02);
+    desk.run(&["light-map", "scene.json", "-o", "out", "--backend", "cpu", "--rasterize"])
+        .exits_with(3)
+        .tells("cannot rasterize");
+}

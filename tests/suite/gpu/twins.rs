@@ -32,6 +32,8 @@ const TWINS: &[(&str, &str, &str, &str)] = &[
     ("rows", "rows", "cpu/rows", "fn gather"),
     ("scale", "vector", "operator/cpu_vector", "fn scale"),
     ("shorten", "vector", "operator/cpu_vector", "fn shorten"),
+    // Rays find the same triangles by the hierarchy.
+    ("surfaces", "surfaces", "scene/geometry", "fn first_hit"),
     ("tiles", "tiles", "cpu/tiles", "fn sweep"),
 ];
 
@@ -57,6 +59,7 @@ fn no_kernel_is_without_its_host_side_and_its_twin() {
         let words: String = name.split('_').map(|word| word[..1].to_uppercase() + &word[1..]).collect();
         let variant = match name.strip_prefix("light_map_") {
             Some(consumer) => format!("Consumer::{}{}", consumer[..1].to_uppercase(), &consumer[1..]),
+            None if *name == "surfaces" => "kernels/surfaces.wgsl".to_owned(),
             None => format!("Kernel::{words}"),
         };
         assert!(read(format!("gpu/{host}.rs")).contains(&variant), "{variant} is not in gpu/{host}.rs");

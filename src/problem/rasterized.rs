@@ -1,0 +1,70 @@
+use super::{Constraint, Surfaces};
+use crate::Result;
+use crate::gpu::{Gpu, surfaces_seen};
+use crate::operator::NOWHERE;
+use crate::scene::{Geometry, Grid, LightFrame, Ray, Scene, ShadowMap};
+use glam::DVec2;
+
+/// A depth pass on a graphics adapter.
+///
+/// It finds which triangle each pixel sees; where on it is computed in f64, as rays do it. Pixels whose ray misses that triangle or
+/// passes a hole of it, along edges and through foliage, are traced. Against rays only pixels along silhouettes
+/// can differ, by what a rasterizer rounds corners to.
+#[derive(Debug, Clone)]
+pub struct Rasterized(pub Gpu);
+
+/// Nearer than this part of the way to the farthest corner a view sees nothing.
+const NEAR: f64 = 1e-6;
+
+impl Rasterized {
+    /// The triangle behind every pixel of a view.
+    fn seen_by(&self, scene: &Scene, view: usize) -> Result<Vec<u32>> {
+        let (camera, mesh) = (&scene.views[view].camera, scene.geometry.mesh());
+        let far = mesh.positions.iter().map(|p| p.distance(camera.position())).fold(0.0, f64::max);
+        let clip: Vec<_> = mesh.positions.iter().map(|&p| camera.clip_from_world(p, NEAR * far)).collect();
+        surfaces_seen(&self.0, &clip, &mesh.triangles, camera.size())
+    }
+}
+
+impl Surfaces for Rasterized {
+    fn shadow_map(&self, scene: &Scene, frame: &LightFrame, grid: Grid) -> Result<ShadowMap> {
+        let geometry = &scene.geometry;
+        let [near, far] = geometry.depths(frame).unwrap_or_default();
+        // Room on both sides, so that nothing is cut off.
+        let span = 1.002 * (far - near) + 1e-6 * far.abs().max(near.abs()) + f64::MIN_POSITIVE;
+        let size = DVec2::new(grid.size[0] as f64, grid.size[1] as f64);
+        let clip = geometry.mesh().positions.iter().map(|&position| {
+            let p = frame.light_from_world(position);
+            let at = 2.0 * grid.grid_from_light(DVec2::new(p.x, p.y)) / size - 1.0;
+            [at.x, -at.y, (far + 0.001 * span - p.z) / span, 1.0]
+        });
+        let seen = surfaces_seen(&self.0, &clip.collect::<Vec<_>>(), &geometry.mesh().triangles, grid.size)?;
+        ShadowMap::render_by(geometry, frame, grid, |index, ray| distance(geometry, ray, seen[index]))
+    }
+
+    fn lengths(&self, scene: &Scene, constraints: &[Constraint]) -> Result<Vec<f64>> {
+        let mut seen = vec![Vec::new(); scene.views.len()];
+        for (view, seen) in seen.iter_mut().enumerate() {
+            if constraints.iter().any(|pixel| pixel.view == view) {
+                *seen = self.seen_by(scene, view)?;
+            }
+        }
+        let length = |pixel: &Constraint| {
+            let camera = &scene.views[pixel.view].camera;
+            let triangle = seen[pixel.view][pixel.y * camera.size()[0] + pixel.x];
+            let ray = camera.pixel_ray(pixel.x, pixel.y);
+            distance(&scene.geometry, &ray, triangle).unwrap_or(f64::INFINITY)
+        };
+        Ok(constraints.iter().map(length).collect())
+    }
+}
+
+/// Where a ray meets the triangle that it was seen to meet, or what it meets instead.
+fn distance(geometry: &Geometry, ray: &Ray, triangle: u32) -> Option<f64> {
+    if triangle == NOWHERE {
+        return None;
+    }
+    geometry
+        .hit_on(ray, triangle as usize)
+        .or_else(|| geometry.first_hit(ray, f64::INFINITY).map(|hit| hit.distance))
+}
