@@ -37,7 +37,7 @@ pub fn surfaces_seen(
     if triangles.is_empty() {
         return Ok(seen);
     }
-    let drawing = gpu.compile_drawing("surfaces", SURFACES, |device, module| pipeline(device, module))?;
+    let drawing = gpu.compile_drawing("surfaces", SURFACES, pipeline)?;
     for top in (0..height).step_by(TILE) {
         for left in (0..width).step_by(TILE) {
             let size = [TILE.min(width - left), TILE.min(height - top)];
