@@ -1,19 +1,6 @@
 // One workgroup reduces PIECE elements of a channel pairwise: sixteen a lane, then the lanes. The host adds the pieces in f64.
 // Error  (13 roundings) 2⁻²⁴ Σ|terms| at most: log₂ PIECE additions and one product
 
-struct VectorParams {
-    len: u32,
-    stride: u32,
-    channel: u32,
-    other_first: u32,
-    other_len: u32,
-    other_stride: u32,
-    again: u32,
-    results: u32,
-    a: vec4<f32>,
-    b: vec4<f32>,
-}
-
 @group(0) @binding(0) var<uniform> params: VectorParams;
 @group(0) @binding(1) var<storage, read_write> results: array<f32>;
 

@@ -6,14 +6,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use bytemuck::Pod;
 
 use super::adapter::{AdapterRecord, Choice, Fault, choose};
+use super::compile::bind_group;
 use super::fixed_point::Accumulation;
-use super::kernel::{Access, Kernel};
+use super::kernel::Kernel;
 use super::recorder::{Binding, Pipeline, Recorder, SLOT, SLOTS};
 use super::sums::Waiting;
 use crate::{Error, Result};
 
-/// Bytes that are read back at once.
-const READ_AT_ONCE: u64 = 64 << 20;
 /// What to do about an adapter that has failed.
 const WITHOUT: &str = "use --backend cpu; --resume continues from the last checkpoint";
 
@@ -27,50 +26,24 @@ pub struct Gpu(pub(super) Rc<Inner>);
 #[derive(Debug)]
 pub(super) struct Inner {
     pub(super) device: wgpu::Device,
-    queue: wgpu::Queue,
-    record: AdapterRecord,
-    binding_limit: u64,
-    float_atomics: bool,
-    sums_near: bool,
-    fault: Option<Fault>,
-    failure: Arc<Mutex<Option<Error>>>,
-    recorder: RefCell<Recorder>,
-    parameters: wgpu::Buffer,
-    pipelines: RefCell<HashMap<Kernel, Option<Arc<Pipeline>>>>,
+    pub(super) queue: wgpu::Queue,
+    pub(super) record: AdapterRecord,
+    pub(super) binding_limit: u64,
+    pub(super) float_atomics: bool,
+    pub(super) sums_near: bool,
+    pub(super) fault: Option<Fault>,
+    pub(super) failure: Arc<Mutex<Option<Error>>>,
+    pub(super) recorder: RefCell<Recorder>,
+    pub(super) parameters: wgpu::Buffer,
+    pub(super) pipelines: RefCell<HashMap<Kernel, Option<Arc<Pipeline>>>>,
     pub(super) waiting: RefCell<Waiting>,
-    held: Cell<u64>,
-    round_trips: Cell<u64>,
-    dispatches: Cell<u64>,
-}
-
-/// Memory of the device.
-#[derive(Debug)]
-pub(super) struct Allocation {
-    inner: Rc<Inner>,
-    pub(super) buffer: wgpu::Buffer,
-}
-
-impl Drop for Allocation {
-    fn drop(&mut self) {
-        self.inner.held.set(self.inner.held.get() - self.buffer.size());
-        self.inner.recorder.borrow_mut().forget(&self.buffer);
-    }
-}
-
-impl Allocation {
-    /// All of it.
-    pub(super) fn whole(&self) -> Binding {
-        Binding { buffer: self.buffer.clone(), offset: 0, size: self.buffer.size() }
-    }
-
-    /// `size` bytes from `offset` on.
-    pub(super) fn part(&self, offset: u64, size: u64) -> Binding {
-        Binding { buffer: self.buffer.clone(), offset, size }
-    }
+    pub(super) held: Cell<u64>,
+    pub(super) round_trips: Cell<u64>,
+    pub(super) dispatches: Cell<u64>,
 }
 
 /// A lock that a panic elsewhere does not close.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -226,78 +199,6 @@ impl Gpu {
         }
     }
 
-    /// Memory of zeros.
-    ///
-    /// Where there is no room this is noted as a failure, and what is given is of no use.
-    pub(super) fn allocate(&self, what: &str, bytes: u64) -> Allocation {
-        self.try_allocate(what, bytes).unwrap_or_else(|error| {
-            note(&self.0.failure, error);
-            self.create(4)
-        })
-    }
-
-    /// Memory of zeros.
-    ///
-    /// Errors: [`Error::AdapterMemory`].
-    pub(super) fn try_allocate(&self, what: &str, bytes: u64) -> Result<Allocation> {
-        let bytes = bytes.next_multiple_of(4).max(4);
-        self.guarded(what, bytes, || self.create(bytes))
-    }
-
-    /// Something that takes memory, if there is enough.
-    ///
-    /// Errors: [`Error::AdapterMemory`].
-    fn guarded<T>(&self, what: &str, bytes: u64, make: impl FnOnce() -> T) -> Result<T> {
-        self.check()?;
-        let refused = || Error::AdapterMemory {
-            adapter: self.0.record.name.clone(),
-            what: what.to_owned(),
-            needed: mebibytes(bytes),
-            held: mebibytes(self.held()),
-            remedy: "lower light_map.size or the views' sizes, choose the strategy `matrix-free`, or use --backend cpu",
-        };
-        if bytes > self.0.record.buffer_limit {
-            return Err(refused());
-        }
-        let scope = self.0.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let made = make();
-        match pollster::block_on(scope.pop()) {
-            None => Ok(made),
-            Some(_) => Err(refused()),
-        }
-    }
-
-    fn create(&self, bytes: u64) -> Allocation {
-        use wgpu::BufferUsages as Usages;
-        let buffer = self.0.device.create_buffer(&wgpu::BufferDescriptor {
-            label: None,
-            size: bytes,
-            usage: Usages::STORAGE | Usages::UNIFORM | Usages::COPY_SRC | Usages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        self.0.held.set(self.0.held.get() + bytes);
-        Allocation { inner: self.0.clone(), buffer }
-    }
-
-    /// Memory with these values.
-    ///
-    /// Errors: [`Error::AdapterMemory`].
-    pub(super) fn upload<T: Pod>(&self, what: &str, values: &[T]) -> Result<Allocation> {
-        let allocation = self.try_allocate(what, size_of_val(values) as u64)?;
-        self.write(&allocation, 0, values);
-        Ok(allocation)
-    }
-
-    /// Overwrites memory from byte `offset` on, after all that was recorded before.
-    pub(super) fn write<T: Pod>(&self, allocation: &Allocation, offset: u64, values: &[T]) {
-        let mut recorder = self.0.recorder.borrow_mut();
-        if self.check().is_err() || values.is_empty() {
-            return;
-        }
-        self.submit(&mut recorder, None, |_| {});
-        self.0.queue.write_buffer(&allocation.buffer, offset, bytemuck::cast_slice(values));
-    }
-
     /// Records a kernel. `bindings` are those after the parameters, group by group.
     pub(super) fn dispatch(
         &self,
@@ -328,118 +229,12 @@ impl Gpu {
         self.0.dispatches.set(self.0.dispatches.get() + 1);
     }
 
-    /// Reads memory back: a round trip.
-    pub(super) fn read<T: Pod>(&self, allocation: &Allocation, offset: u64, count: usize) -> Result<Vec<T>> {
-        self.check()?;
-        let (mut values, bytes) = (Vec::with_capacity(count), (count * size_of::<T>()) as u64);
-        let mut done = 0;
-        while done < bytes {
-            let part = (bytes - done).min(READ_AT_ONCE);
-            let staging = self.0.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("reading"),
-                size: part,
-                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-                mapped_at_creation: false,
-            });
-            self.submit(&mut self.0.recorder.borrow_mut(), None, |encoder| {
-                encoder.copy_buffer_to_buffer(&allocation.buffer, offset + done, &staging, 0, part);
-            });
-            values.extend_from_slice(&self.map::<T>(&staging, part)?);
-            done += part;
-        }
-        Ok(values)
-    }
-
     /// The device, for what is no kernel.
     pub(super) fn device(&self) -> &wgpu::Device {
         &self.0.device
     }
 
-    /// Corners of triangles to draw.
-    ///
-    /// Errors: [`Error::AdapterMemory`].
-    pub(super) fn upload_corners<T: Pod>(&self, what: &str, corners: &[T]) -> Result<wgpu::Buffer> {
-        let bytes = size_of_val(corners) as u64;
-        self.guarded(what, bytes, || {
-            self.0.device.create_buffer(&wgpu::BufferDescriptor {
-                label: None,
-                size: bytes,
-                usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        })
-        .inspect(|buffer| self.0.queue.write_buffer(buffer, 0, bytemuck::cast_slice(corners)))
-    }
-
-    /// Draws, and reads the `bytes` that drawing has left: a round trip.
-    pub(super) fn draw_and_read<T: Pod>(
-        &self,
-        bytes: u64,
-        draw: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::Buffer),
-    ) -> Result<Vec<T>> {
-        let staging = self.guarded("a picture", bytes, || {
-            self.0.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("reading"),
-                size: bytes,
-                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-                mapped_at_creation: false,
-            })
-        })?;
-        self.submit(&mut self.0.recorder.borrow_mut(), None, |encoder| draw(encoder, &staging));
-        self.map(&staging, bytes)
-    }
-
-    /// A pipeline that draws.
-    ///
-    /// Errors: [`Error::Adapter`] with what the compiler says.
-    pub(super) fn compile_drawing(
-        &self,
-        name: &'static str,
-        source: &str,
-        make: impl FnOnce(&wgpu::Device, &wgpu::ShaderModule) -> wgpu::RenderPipeline,
-    ) -> Result<wgpu::RenderPipeline> {
-        self.check()?;
-        self.compiled(name, || {
-            let source = wgpu::ShaderSource::Wgsl(source.into());
-            let device = &self.0.device;
-            let module =
-                device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(name), source });
-            make(device, &module)
-        })
-    }
-
-    /// Hands over what is recorded and copies `bytes` of a buffer into one that is then read: a round trip.
-    pub(super) fn copy_and_read(
-        &self,
-        from: &wgpu::Buffer,
-        staging: &wgpu::Buffer,
-        bytes: u64,
-    ) -> Result<Vec<f32>> {
-        self.check()?;
-        self.submit(&mut self.0.recorder.borrow_mut(), None, |encoder| {
-            encoder.copy_buffer_to_buffer(from, 0, staging, 0, bytes);
-        });
-        self.map(staging, bytes)
-    }
-
-    fn map<T: Pod>(&self, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<T>> {
-        let slice = staging.slice(0..bytes);
-        let mapped = Arc::new(Mutex::new(false));
-        let told = mapped.clone();
-        slice.map_async(wgpu::MapMode::Read, move |result| *lock(&told) = result.is_ok());
-        self.wait()?;
-        if !*lock(&mapped) {
-            return Err(self.failed("did not give its results back"));
-        }
-        let values = match slice.get_mapped_range() {
-            Ok(view) => bytemuck::pod_collect_to_vec(&view),
-            Err(_) => return Err(self.failed("did not give its results back")),
-        };
-        staging.unmap();
-        Ok(values)
-    }
-
-    fn wait(&self) -> Result<()> {
+    pub(super) fn wait(&self) -> Result<()> {
         self.0.round_trips.set(self.0.round_trips.get() + 1);
         if self.0.fault == Some(Fault::Loss(self.0.round_trips.get())) {
             self.destroy();
@@ -449,7 +244,7 @@ impl Gpu {
         waited.map(drop).map_err(|_| self.failed("does not answer"))
     }
 
-    fn failed(&self, problem: &str) -> Error {
+    pub(super) fn failed(&self, problem: &str) -> Error {
         self.check().err().unwrap_or_else(|| Error::Adapter {
             adapter: self.0.record.name.clone(),
             problem: problem.to_owned(),
@@ -458,7 +253,7 @@ impl Gpu {
     }
 
     /// Hands over what is recorded, and what `more` adds.
-    fn submit(
+    pub(super) fn submit(
         &self,
         recorder: &mut Recorder,
         timed: Option<&wgpu::QuerySet>,
@@ -482,101 +277,10 @@ impl Gpu {
         more(&mut encoder);
         self.0.queue.submit([encoder.finish()]);
     }
-
-    fn pipeline(&self, kernel: Kernel) -> Option<Arc<Pipeline>> {
-        let mut pipelines = self.0.pipelines.borrow_mut();
-        if let Some(known) = pipelines.get(&kernel) {
-            return known.clone();
-        }
-        let source = match self.0.fault {
-            Some(Fault::Compilation) => "this is no kernel".to_owned(),
-            _ => kernel.source(),
-        };
-        let made = self.compile(kernel, &source).map_err(|error| note(&self.0.failure, error)).ok();
-        pipelines.insert(kernel, made.clone());
-        made
-    }
-
-    /// Errors: [`Error::Adapter`] with what the compiler says.
-    fn compile(&self, kernel: Kernel, source: &str) -> Result<Arc<Pipeline>> {
-        self.compiled(kernel.name(), || Arc::new(pipeline(&self.0.device, kernel, source)))
-    }
-
-    /// Something that is compiled, if the adapter can.
-    ///
-    /// Errors: [`Error::Adapter`] with what the compiler says.
-    fn compiled<T>(&self, name: &str, make: impl FnOnce() -> T) -> Result<T> {
-        let scope = self.0.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let made = make();
-        match pollster::block_on(scope.pop()) {
-            None => Ok(made),
-            Some(error) => Err(Error::Adapter {
-                adapter: self.0.record.name.clone(),
-                problem: format!("cannot compile the kernel `{name}`: {}", one_line(&error.to_string())),
-                remedy: "use --backend cpu, or update its driver",
-            }),
-        }
-    }
-}
-
-fn pipeline(device: &wgpu::Device, kernel: Kernel, source: &str) -> Pipeline {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(kernel.name()),
-        source: wgpu::ShaderSource::Wgsl(source.into()),
-    });
-    let layouts: Vec<_> = kernel.bindings().iter().map(|group| group_layout(device, group)).collect();
-    let all: Vec<_> = layouts.iter().map(Some).collect();
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(kernel.name()),
-        bind_group_layouts: &all,
-        immediate_size: 0,
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(kernel.name()),
-        layout: Some(&layout),
-        module: &module,
-        entry_point: Some("main"),
-        compilation_options: Default::default(),
-        cache: None,
-    });
-    Pipeline { pipeline, layouts }
-}
-
-fn group_layout(device: &wgpu::Device, accesses: &[Access]) -> wgpu::BindGroupLayout {
-    let entry = |(binding, access): (u32, &Access)| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: match access {
-                Access::Parameters | Access::Uniform => wgpu::BufferBindingType::Uniform,
-                Access::Read => wgpu::BufferBindingType::Storage { read_only: true },
-                Access::Write => wgpu::BufferBindingType::Storage { read_only: false },
-            },
-            has_dynamic_offset: *access == Access::Parameters,
-            min_binding_size: None,
-        },
-        count: None,
-    };
-    let entries: Vec<_> = (0u32..).zip(accesses).map(entry).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
-}
-
-fn bind_group(
-    device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
-    bindings: &[Binding],
-) -> wgpu::BindGroup {
-    let mut entries = Vec::with_capacity(bindings.len());
-    for (binding, Binding { buffer, offset, size }) in (0u32..).zip(bindings) {
-        let size = std::num::NonZeroU64::new(*size);
-        let part = wgpu::BufferBinding { buffer, offset: *offset, size };
-        entries.push(wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::Buffer(part) });
-    }
-    device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
 }
 
 /// Keeps the first failure: those that follow are its consequences.
-fn note(failure: &Mutex<Option<Error>>, error: Error) {
+pub(super) fn note(failure: &Mutex<Option<Error>>, error: Error) {
     tracing::debug!("{error}");
     lock(failure).get_or_insert(error);
 }
@@ -599,10 +303,6 @@ fn copy_of(error: &Error) -> Error {
 }
 
 /// What a driver says, without its line breaks and frames.
-fn one_line(text: &str) -> String {
+pub(super) fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
-fn mebibytes(bytes: u64) -> String {
-    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }

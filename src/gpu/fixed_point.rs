@@ -10,9 +10,9 @@
 //!        Where R Y is below 2^−67 e is held at 126, and a term is off by 2^−127 at most.
 
 use super::Gpu;
-use super::device::Allocation;
 use super::kernel::Kernel;
 use super::layout::Scale;
+use super::memory::Allocation;
 use super::vector::GpuVector;
 use crate::Result;
 use crate::operator::Vector;

@@ -153,13 +153,21 @@ impl Kernel {
     /// The texts before its own.
     fn prelude(self) -> Vec<&'static str> {
         match self {
-            Self::Dot | Self::LargestStep | Self::LargestBits => vec![text!("prelude/reduction")],
-            Self::ProjectedNormSquared => vec![text!("prelude/bounds"), text!("prelude/reduction")],
-            Self::Hold => vec![text!("prelude/bounds"), text!("prelude/vector")],
-            Self::Pick | Self::Difference | Self::Divergence => {
-                vec![text!("prelude/vector"), text!("prelude/indexed")]
+            Self::Dot | Self::LargestStep | Self::LargestBits => {
+                vec![text!("prelude/vector_params"), text!("prelude/reduction")]
             }
-            Self::FixedFinish => vec![text!("prelude/vector"), text!("prelude/fixed_point")],
+            Self::ProjectedNormSquared => {
+                vec![text!("prelude/bounds"), text!("prelude/vector_params"), text!("prelude/reduction")]
+            }
+            Self::Hold => {
+                vec![text!("prelude/bounds"), text!("prelude/vector_params"), text!("prelude/vector")]
+            }
+            Self::Pick | Self::Difference | Self::Divergence => {
+                vec![text!("prelude/vector_params"), text!("prelude/vector"), text!("prelude/indexed")]
+            }
+            Self::FixedFinish => {
+                vec![text!("prelude/vector_params"), text!("prelude/vector"), text!("prelude/fixed_point")]
+            }
             Self::FixedScale | Self::Rows { .. } | Self::Tiles { .. } => Vec::new(),
             Self::LightMap(consumer, walk) => {
                 let mut texts = vec![
@@ -180,7 +188,7 @@ impl Kernel {
                 }
                 texts
             }
-            _ => vec![text!("prelude/vector")],
+            _ => vec![text!("prelude/vector_params"), text!("prelude/vector")],
         }
     }
 

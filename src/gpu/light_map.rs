@@ -3,10 +3,10 @@
 use std::cell::RefCell;
 
 use super::Gpu;
-use super::device::Allocation;
 use super::fixed_point::{Accumulation, FixedSums};
 use super::kernel::{Consumer, Kernel, RAYS, Walk};
 use super::layout::{LEVELS, Pass, Ray, Transport};
+use super::memory::Allocation;
 use super::ray::{Depths, ray};
 use super::recorder::Binding;
 use super::vector::{GpuVector, MOST_WORKGROUPS, Slab};

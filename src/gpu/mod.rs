@@ -5,12 +5,14 @@
 //! Every kernel of `kernels/` is assembled in `kernel.rs`, and has a twin on the CPU.
 
 mod adapter;
+mod compile;
 mod device;
 mod fixed_point;
 mod kernel;
 mod known_answers;
 mod layout;
 mod light_map;
+mod memory;
 mod ray;
 mod recorder;
 mod rows;

@@ -4,9 +4,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::Gpu;
-use super::device::Allocation;
 use super::kernel::{Kernel, LANES};
 use super::layout::Rows;
+use super::memory::Allocation;
 use super::vector::{GpuVector, Index, MOST_WORKGROUPS};
 use crate::operator::{Indexed, LinearOperator, expect_len};
 use crate::{Error, Result};

@@ -1,9 +1,9 @@
 //! The metric of dense tiles on the device; its blocks are those of the CPU's.
 
 use super::Gpu;
-use super::device::Allocation;
 use super::kernel::{Kernel, TileOperation};
 use super::layout::Tiles;
+use super::memory::Allocation;
 use super::rows::grid;
 use super::vector::{GpuVector, bound, numbers};
 use crate::operator::{Bounds, Metric, Scalars, Vector};

@@ -4,9 +4,9 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use super::Gpu;
-use super::device::Allocation;
 use super::kernel::{Kernel, LANES, PIECE};
 use super::layout::VectorParams;
+use super::memory::Allocation;
 use super::recorder::Binding;
 use super::sums::{DeviceSum, Fold, Pieces};
 use crate::operator::{Bounds, Indexed, Scalars, Sum, Vector};

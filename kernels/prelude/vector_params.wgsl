@@ -1,0 +1,19 @@
+// A vector is three planes, one a channel, `stride` numbers apart; a binding holds one plane, a slab of one, or all three.
+
+struct VectorParams {
+    // Numbers a channel of `mine`, and from one channel to the next.
+    len: u32,
+    stride: u32,
+    // The first channel that is bound.
+    channel: u32,
+    // Elements of the other vector that are bound, and from one channel to the next.
+    other_first: u32,
+    other_len: u32,
+    other_stride: u32,
+    // Whether slabs of the other vector have been here before.
+    again: u32,
+    // Where a reduction writes.
+    results: u32,
+    a: vec4<f32>,
+    b: vec4<f32>,
+}
