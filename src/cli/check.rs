@@ -4,7 +4,7 @@ use super::args::CheckArguments;
 use super::engine::Engine;
 use super::progress::Steps;
 use super::{Done, Manners, job, to_json};
-use crate::{Error, Result};
+use crate::Result;
 use crate::march::Traversal;
 use crate::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
 #[cfg(feature = "gpu")]
@@ -68,7 +68,7 @@ pub(super) fn run(arguments: &CheckArguments, manners: &Manners) -> Result<Done>
             match GpuLightMapOperator::new(gpu, &problem, strategy, u64::MAX, deterministic) {
                 Ok(operator) => verdicts.extend(verdicts_of(name, &operator, &explicit)?),
                 // What is not possible is not wrong.
-                Err(error @ Error::TooLarge { .. }) => tracing::warn!("{name} is left out: {error}"),
+                Err(error @ crate::Error::TooLarge { .. }) => tracing::warn!("{name} is left out: {error}"),
                 Err(error) => return Err(error),
             }
         }
