@@ -4,26 +4,32 @@ use std::time::{Duration, Instant};
 
 use super::progress::{Steps, interrupted};
 use super::resume::Keeper;
-use crate::Result;
 use crate::cpu::Storage;
 use crate::operator::{CpuVector, adjoint_test};
 use crate::problem::{Assessment, Assessor, LightMapProblem, Paused, Solved, TransportOperator, solve};
 use crate::report::Work;
 use crate::scene::{Rgb, Scene};
 use crate::solve::Control;
+use crate::{Error, Result};
 
 /// How often a checkpoint is written.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(10);
 /// The adjoint of this problem is tested with vectors made from this seed.
 const SEED: u64 = 1;
 
+/// An adjoint that is off by more says that the device computes something else: ten thousand roundings of f32.
+const TRUSTED: f64 = 1e-3;
+
 /// A light-map problem on its way.
+#[derive(Clone, Copy)]
 pub(super) struct Task<'a> {
     pub(super) scene: &'a Scene,
     pub(super) problem: &'a LightMapProblem,
     pub(super) checkpoint: &'a Keeper,
     /// How often to call what shows the light map so far.
     pub(super) preview_every: Option<usize>,
+    /// The graphics adapter that computes, if one does.
+    pub(super) adapter: Option<&'a str>,
 }
 
 /// A light map, and what there is to know about it.
@@ -56,6 +62,9 @@ impl Task<'_> {
         let operator = make()?;
         let coverage = operator.squares(&problem.weights())?;
         let adjoint_error = adjoint_test(&operator, 1, SEED)?.error;
+        if let Some(adapter) = self.adapter {
+            trust(adapter, adjoint_error)?;
+        }
         let storage = operator.storage();
         tracing::info!(?storage, adjoint_error, "operator");
 
@@ -125,8 +134,9 @@ impl Task<'_> {
         };
         let mut trips = Vec::new();
         let mut each = || trips.push(gpu.round_trips());
-        let (computed, operator) = self.compute(make, &mut each, resumed, steps, preview)?;
         let record = gpu.record();
+        let task = Task { adapter: Some(&record.name), ..*self };
+        let (computed, operator) = task.compute(make, &mut each, resumed, steps, preview)?;
         Ok(Computed {
             backend: "gpu",
             device: format!("{} ({}, {})", record.name, record.interface, record.driver),
@@ -143,4 +153,19 @@ impl Task<'_> {
             ..computed
         })
     }
+}
+
+/// Errors: [`Error::Adapter`] when T and Tᵀ of an adapter do not match, so that nothing it says can be trusted.
+fn trust(adapter: &str, adjoint_error: f64) -> Result<()> {
+    // Not `>`: a NaN must not pass.
+    if adjoint_error <= TRUSTED {
+        return Ok(());
+    }
+    Err(Error::Adapter {
+        adapter: adapter.to_owned(),
+        problem: format!(
+            "computes a matrix and a transpose that do not match (adjoint error {adjoint_error:.0e})"
+        ),
+        remedy: "use --backend cpu, lower the maps' sizes, or update its driver",
+    })
 }

@@ -1,9 +1,9 @@
 //! What computes: the processor, or a graphics adapter.
 
 use super::args::{Backend, BackendArguments};
-use crate::Result;
 #[cfg(feature = "gpu")]
 use crate::gpu::{Choice, Fault, Gpu};
+use crate::{Error, Result};
 
 /// What computes.
 #[derive(Debug)]
@@ -22,7 +22,7 @@ const FAULT: &str = "UNSCATTER_FAULT";
 impl Engine {
     /// What the arguments ask for. `auto` takes hardware, or an adapter that is named, where that can be opened.
     ///
-    /// Errors: [`crate::Error::Adapter`].
+    /// Errors: [`Error::Adapter`], and [`Error::Value`] for an adapter that is named and not to be used.
     #[cfg(feature = "gpu")]
     pub(super) fn choose(arguments: &BackendArguments) -> Result<Self> {
         let choice = Choice {
@@ -31,7 +31,7 @@ impl Engine {
             ..Choice::default()
         };
         match arguments.backend {
-            Backend::Cpu => Ok(Self::Cpu),
+            Backend::Cpu => cpu(arguments),
             Backend::Gpu => Ok(Self::Gpu { gpu: Gpu::open(&choice)?, or_cpu: false }),
             Backend::Auto => match Gpu::open(&choice) {
                 Ok(gpu) => Ok(Self::Gpu { gpu, or_cpu: true }),
@@ -51,12 +51,21 @@ impl Engine {
     #[cfg(not(feature = "gpu"))]
     pub(super) fn choose(arguments: &BackendArguments) -> Result<Self> {
         match (arguments.backend, &arguments.adapter) {
-            (Backend::Gpu, _) | (_, Some(_)) => Err(crate::Error::Adapter {
+            (Backend::Cpu, _) => cpu(arguments),
+            (Backend::Gpu, _) | (_, Some(_)) => Err(Error::Adapter {
                 adapter: arguments.adapter.clone().unwrap_or_else(|| "any".to_owned()),
                 problem: "cannot be used: this build has no GPU backend".to_owned(),
                 remedy: "build it with the feature `gpu`, or use --backend cpu",
             }),
             _ => Ok(Self::Cpu),
         }
+    }
+}
+
+/// The processor, for those who ask for it and for no adapter.
+fn cpu(arguments: &BackendArguments) -> Result<Engine> {
+    match &arguments.adapter {
+        None => Ok(Engine::Cpu),
+        Some(name) => Err(Error::value("--adapter", name, "left away with --backend cpu")),
     }
 }

@@ -32,6 +32,7 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
         problem: &problem,
         checkpoint: &checkpoint,
         preview_every: arguments.preview_every.map(|every| every as usize),
+        adapter: None,
     };
     let preview = |texels: &[Rgb]| preview(&scene, &problem, &folder, texels);
     let computed = compute(&task, engine, arguments, resumed, &mut steps, &preview)?;

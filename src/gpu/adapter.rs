@@ -91,6 +91,8 @@ pub struct Choice {
 pub enum Fault {
     /// Kernels do not compile.
     Compilation,
+    /// Kernels lose a part of every long sum, as a driver with a mistake in it may.
+    Arithmetic,
     /// There is room for buffers of 64 KiB and no more.
     Memory,
     /// The device is gone after so many round trips.
@@ -98,10 +100,11 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// `compilation`, `memory`, or `loss:N`.
+    /// `compilation`, `arithmetic`, `memory`, or `loss:N`.
     pub fn parse(text: &str) -> Option<Self> {
         match text.split_once(':') {
             None if text == "compilation" => Some(Self::Compilation),
+            None if text == "arithmetic" => Some(Self::Arithmetic),
             None if text == "memory" => Some(Self::Memory),
             Some(("loss", count)) => count.parse().ok().map(Self::Loss),
             _ => None,

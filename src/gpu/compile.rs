@@ -17,6 +17,7 @@ impl Gpu {
         }
         let source = match self.0.fault {
             Some(Fault::Compilation) => "this is no kernel".to_owned(),
+            Some(Fault::Arithmetic) => kernel.source().replace("total += part", "total = part"),
             _ => kernel.source(),
         };
         let made = self.compile(kernel, &source).map_err(|error| note(&self.0.failure, error)).ok();

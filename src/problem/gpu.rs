@@ -1,3 +1,5 @@
+use rayon::prelude::*;
+
 use super::transport::{brought, fetched};
 use super::{LightMapOperator, LightMapProblem, TransportOperator};
 use crate::cpu::{Rows, Storage, TileMetric, Tiling};
@@ -97,16 +99,24 @@ fn is_of_size(error: &Error) -> bool {
     matches!(error, Error::TooLarge { .. } | Error::AdapterMemory { .. })
 }
 
+/// Rows that one task reads.
+const ROWS_AT_ONCE: usize = 1024;
+
 fn table<const C: usize>(rows: &impl Rows<f32, C>) -> RowTable {
-    let mut table = RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); C] };
-    for row in 0..rows.rows() {
-        rows.visit(row, &mut |element, weight: Weight<f32, C>| {
-            table.elements.push(element as u32);
-            table.weights.iter_mut().zip(weight).for_each(|(weights, weight)| weights.push(weight));
-        });
-        table.offsets.push(table.elements.len());
-    }
-    table
+    let starts: Vec<usize> = (0..rows.rows()).step_by(ROWS_AT_ONCE).collect();
+    let part = |start: usize| {
+        let mut part = RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); C] };
+        for row in start..(start + ROWS_AT_ONCE).min(rows.rows()) {
+            rows.visit(row, &mut |element, weight: Weight<f32, C>| {
+                part.elements.push(element as u32);
+                part.weights.iter_mut().zip(weight).for_each(|(weights, weight)| weights.push(weight));
+            });
+            part.offsets.push(part.elements.len());
+        }
+        part
+    };
+    let parts: Vec<RowTable> = starts.into_par_iter().map(part).collect();
+    RowTable::joined(&parts, C)
 }
 
 impl LinearOperator for GpuLightMapOperator {

@@ -62,6 +62,7 @@ fn faults_of_the_adapter_exit_with_3_and_one_sentence() {
     let desk = Desk::new();
     for (fault, words) in [
         ("compilation", "cannot compile the kernel"),
+        ("arithmetic", "computes a matrix and a transpose that do not match"),
         ("memory", "has no room for"),
         ("loss:3", "was lost in the middle of the work"),
         ("loss:9", "was lost in the middle of the work"),
@@ -76,7 +77,7 @@ fn faults_of_the_adapter_exit_with_3_and_one_sentence() {
 #[ignore = "needs a graphics adapter; ./test.sh brings one"]
 fn the_processor_takes_over_where_that_is_allowed() {
     let desk = Desk::new();
-    for fault in ["compilation", "memory", "loss:3", "loss:9"] {
+    for fault in ["compilation", "arithmetic", "memory", "loss:3", "loss:9"] {
         let ran = solved(&desk, fault, "auto", &[], fault).exits_with(0);
         ran.tells("computing on the processor, from the start");
         assert_eq!(desk.json(&format!("{fault}/report.json"))["backend"], "cpu");
@@ -110,6 +111,7 @@ fn without_an_adapter_gpu_exits_with_3_and_auto_uses_the_processor() {
     assert!(!desk.path("out").exists());
     desk.run(&[&ask("gpu")[..], &["--adapter", "RTX"]].concat()).exits_with(3).tells("`RTX` is not there");
     desk.run(&[&ask("auto")[..], &["--adapter", "RTX"]].concat()).exits_with(0).tells("`RTX` is not there");
+    desk.run(&[&ask("cpu")[..], &["--adapter", "RTX"]].concat()).exits_with(1).tells("--adapter");
     assert_eq!(desk.done(&ask("auto")).err, "");
     assert_eq!(desk.json("out/report.json")["backend"], "cpu");
 }
