@@ -155,7 +155,11 @@ pub(super) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterRecord)> 
             None => Error::Adapter {
                 adapter: "any hardware".to_owned(),
                 problem: format!("is not there: this machine has {list}"),
-                remedy: "use --backend cpu, or install a Vulkan driver",
+                remedy: if names.is_empty() {
+                    "use --backend cpu, or install a Vulkan driver"
+                } else {
+                    "use --backend cpu, name a software adapter with --adapter, or install the driver of a graphics card"
+                },
             },
         });
     };

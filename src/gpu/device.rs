@@ -72,7 +72,10 @@ impl Gpu {
         let failure = Arc::new(Mutex::new(None));
         let (name, first) = (record.name.clone(), failure.clone());
         device.set_device_lost_callback(move |_, message| {
-            let problem = format!("was lost in the middle of the work ({})", one_line(&message));
+            let problem = match &one_line(&message)[..] {
+                "" => "was lost in the middle of the work".to_owned(),
+                said => format!("was lost in the middle of the work ({said})"),
+            };
             note(&first, Error::Adapter { adapter: name.clone(), problem, remedy: WITHOUT });
         });
         let (name, first) = (record.name.clone(), failure.clone());
