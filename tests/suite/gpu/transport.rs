@@ -158,6 +158,16 @@ fn squares_are_the_diagonal_of_the_normal_matrix() {
             kept.squares(&y, &mut x).unwrap();
             let error = relative_difference(&x.to_host().unwrap(), &truth);
             assert!(error <= AGAINST_EXPLICIT, "kept: {error:e}");
+            // Another weight of one row that is seen is noticed.
+            let mut values = y.to_host().unwrap();
+            let seen = (0..values.len())
+                .filter(|&row| values[row][0] > 0.1)
+                .max_by(|&a, &b| traversal.inside_weight(a)[0].total_cmp(&traversal.inside_weight(b)[0]));
+            values[seen.unwrap()][0] *= 1.01;
+            assert!(
+                relative_difference(&x.to_host().unwrap(), &true_squares(&traversal, &values))
+                    > AGAINST_EXPLICIT
+            );
         }
     }
 }

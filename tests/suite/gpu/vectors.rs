@@ -172,6 +172,12 @@ fn gradient_and_laplacian_are_those_of_the_twin() {
                 assert!(relative_difference(&got[direction], &truth[direction]) <= AGAINST_EXPLICIT);
             }
         }
+        // The lattice turned round, with as many pairs, is noticed.
+        let turned: Vec<u32> = columns.iter().map(|k| 57 * 41 - 1 - k).rev().collect();
+        let turned = Arc::new(Neighbours::new(&size, &turned).unwrap());
+        assert_eq!(turned.edges(), neighbours.edges());
+        let turned = products(&Gradient::new(turned, &there).unwrap(), 1);
+        assert!(relative_difference(&turned[0], &products(&truth, 1)[0]) > AGAINST_EXPLICIT);
         assert!(adjoint_test(&gradient, 3, 1).unwrap().error <= ADJOINT_F32);
         assert!(adjoint_test(&laplacian, 3, 1).unwrap().error <= ADJOINT_F32);
     }
