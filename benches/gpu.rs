@@ -7,7 +7,7 @@
 //!
 //! Seconds are the adapter's own where it has timestamps, the median of a few trials. Shares are of the bandwidth with which
 //! it copies a long vector. What a product must at least move is counted: kept rows 8 bytes a non-zero, walked ones
-//! 160 bytes a ray, and each vector once.
+//! 160 bytes a ray, and each vector once; an iteration two products, and each vector of the method read and written once.
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 
 use std::sync::Arc;
@@ -163,7 +163,7 @@ fn main() {
     let record = gpu.record();
     println!("{} ({}, {}), copies {:.1} GB/s", record.name, record.kind, record.driver, copied * 1e-9);
     println!(
-        "{:<8}{:<13}{:>9}{:>9}{:>11}{:>9}{:>9}{:>8}{:>11}{:>9}{:>9}{:>8}{:>11}{:>8}",
+        "{:<8}{:<13}{:>9}{:>9}{:>11}{:>9}{:>9}{:>8}{:>11}{:>9}{:>9}{:>8}{:>11}{:>8}{:>8}",
         "size",
         "rows are",
         "rays",
@@ -177,6 +177,7 @@ fn main() {
         "Mnnz/s",
         "share",
         "iter ms",
+        "share",
         "waits"
     );
     let large = arguments.iter().any(|argument| argument == "large");
@@ -210,9 +211,13 @@ fn main() {
             let matrix = if name == "kept" { NONZERO * nonzeros } else { RAY * rows as f64 };
             let moved = matrix + COLOR * (rows + elements) as f64;
             let [rays, terms] = [rows as f64 * 1e-6, nonzeros * 1e-6];
-            let share = |seconds: f64| format!("{:.0} %", 100.0 * moved / seconds / copied);
+            let of = |moved: f64, seconds: f64| format!("{:.0} %", 100.0 * moved / seconds / copied);
+            let share = |seconds: f64| of(moved, seconds);
+            let kept = Cgls::<Stacked<GpuVector>>::VECTORS;
+            let vectors = (kept.domain * elements + kept.range * (rows + elements)) as f64;
+            let in_iteration = 2.0 * moved + 2.0 * COLOR * vectors;
             println!(
-                "{:<8}{name:<13}{rows:>9}{terms:>9.2}{:>11.3}{:>9.2}{:>9.0}{:>8}{:>11.3}{:>9.2}{:>9.0}{:>8}{:>11.3}{waits:>8.1}",
+                "{:<8}{name:<13}{rows:>9}{terms:>9.2}{:>11.3}{:>9.2}{:>9.0}{:>8}{:>11.3}{:>9.2}{:>9.0}{:>8}{:>11.3}{:>8}{waits:>8.1}",
                 field.name,
                 1e3 * gather,
                 rays / gather,
@@ -223,6 +228,7 @@ fn main() {
                 terms / scatter,
                 share(scatter),
                 1e3 * seconds,
+                of(in_iteration, seconds),
             );
         }
     }

@@ -37,8 +37,8 @@ struct Verdict {
 pub(super) fn run(arguments: &CheckArguments, manners: &Manners) -> Result<Done> {
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
-    let engine = Engine::choose(&arguments.backend)?;
     let scene = job::load(&arguments.scene, &[])?;
+    let engine = Engine::choose(&arguments.backend)?;
     steps.begin("tracing", None);
     let problem = LightMapProblem::new(&scene)?.sampled(ROWS);
     steps.begin("checking", None);

@@ -2,7 +2,7 @@
 
 use super::args::{Backend, BackendArguments};
 #[cfg(feature = "gpu")]
-use crate::gpu::{Choice, Fault, Gpu};
+use crate::gpu::{Choice, Fault, Gpu, may_have_hardware};
 use crate::{Error, Result};
 
 /// What computes.
@@ -33,6 +33,7 @@ impl Engine {
         match arguments.backend {
             Backend::Cpu => cpu(arguments),
             Backend::Gpu => Ok(Self::Gpu { gpu: Gpu::open(&choice)?, or_cpu: false }),
+            Backend::Auto if arguments.adapter.is_none() && !may_have_hardware() => Ok(Self::Cpu),
             Backend::Auto => match Gpu::open(&choice) {
                 Ok(gpu) => Ok(Self::Gpu { gpu, or_cpu: true }),
                 Err(error) => {

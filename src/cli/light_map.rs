@@ -17,8 +17,8 @@ use crate::{Error, Result};
 pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Done> {
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
-    let engine = Engine::choose(&arguments.backend)?;
     let mut scene = job::load(&arguments.scene, &arguments.solve_overrides())?;
+    let engine = Engine::choose(&arguments.backend)?;
     let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
     watch_interrupt()?;
 

@@ -112,6 +112,13 @@ impl Fault {
     }
 }
 
+/// Whether the system has a device that could be a graphics card. It costs nothing to ask, where looking for adapters loads
+/// every driver: some take a tenth of a second, or complain on standard error where there is no desktop.
+pub fn may_have_hardware() -> bool {
+    let devices = ["/dev/dri", "/dev/nvidiactl", "/dev/kfd", "/dev/dxg"];
+    !cfg!(target_os = "linux") || devices.iter().any(|device| std::path::Path::new(device).exists())
+}
+
 /// All adapters of this machine.
 pub fn adapters() -> Vec<AdapterRecord> {
     found().iter().map(|(_, record)| record.clone()).collect()

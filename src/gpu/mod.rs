@@ -22,7 +22,7 @@ mod tiles;
 mod transport;
 mod vector;
 
-pub use adapter::{AdapterRecord, Choice, Fault, adapters};
+pub use adapter::{AdapterRecord, Choice, Fault, adapters, may_have_hardware};
 pub use device::Gpu;
 pub use fixed_point::Accumulation;
 pub use kernel::{KernelText, kernel_texts};
