@@ -25,7 +25,8 @@ impl GpuLightMapOperator {
     /// Keeps all rows on the adapter where `strategy` and the `budget` in bytes allow, else walks them there; `deterministic`
     /// sums are the same in every run.
     ///
-    /// Errors: [`Error::TooLarge`] when all rows must be kept and exceed the budget, [`Error::AdapterMemory`].
+    /// Errors: [`Error::TooLarge`] when all rows must be kept and exceed the budget, [`Error::AdapterMemory`];
+    /// [`Error::Adapter`] for light whose squares f32 does not hold.
     pub fn new(
         gpu: &Gpu,
         problem: &LightMapProblem,
@@ -33,6 +34,7 @@ impl GpuLightMapOperator {
         budget: u64,
         deterministic: bool,
     ) -> Result<Self> {
+        check_brightness(gpu, problem)?;
         let channels = if problem.is_grey() { 1 } else { 3 };
         let (rows, elements) = (problem.constraints.len(), problem.maps.light_map.len());
         let bytes = Kept::bytes(problem.plan.nonzeros, rows, elements, channels);
@@ -92,6 +94,24 @@ impl GpuLightMapOperator {
             Transport::Walked(walked) => walked.accumulation() == Accumulation::Fixed,
         }
     }
+}
+
+/// Sums of squares are made in f32 on an adapter: those of fainter light would be zero, and of brighter light infinite.
+///
+/// Errors: [`Error::Adapter`].
+fn check_brightness(gpu: &Gpu, problem: &LightMapProblem) -> Result<()> {
+    const HELD: std::ops::RangeInclusive<f32> = 1e-15..=1e15;
+    let brightest = problem.start.iter().copied().fold(0.0, f32::max);
+    if brightest == 0.0 || HELD.contains(&brightest) {
+        return Ok(());
+    }
+    Err(Error::Adapter {
+        adapter: gpu.record().name.clone(),
+        problem: format!(
+            "computes sums in f32, and a light of radiance {brightest:e} is beyond what they hold"
+        ),
+        remedy: "use another unit, in which light.radiance is from 1e-15 to 1e15, or use --backend cpu",
+    })
 }
 
 /// Whether an error says that something is too large, so that something smaller may do.

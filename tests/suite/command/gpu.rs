@@ -147,3 +147,22 @@ fn surfaces_can_be_rasterized_where_there_is_an_adapter() {
         .exits_with(3)
         .tells("cannot rasterize");
 }
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn light_beyond_what_the_sums_hold_is_refused_and_within_it_makes_no_difference() {
+    for radiance in [1e-22, 1e22] {
+        let desk = Desk::with(&scene_with("/light/radiance", json!(radiance)));
+        solved(&desk, "out", "gpu", &[], "").exits_with(3).tells("is beyond what they hold");
+        solved(&desk, "out", "auto", &[], "").exits_with(0).tells("computing on the processor");
+    }
+    let after = |radiance: f64| {
+        let desk = Desk::with(&scene_with("/light/radiance", json!(radiance)));
+        solved(&desk, "out", "gpu", &[], "").exits_with(0);
+        desk.json("out/report.json")["weighted_residual"]["after"].as_f64().unwrap()
+    };
+    let usual = after(4.0);
+    for radiance in [4e-15, 4e14] {
+        assert!((after(radiance) / usual - 1.0).abs() < 1e-3, "{radiance}");
+    }
+}
