@@ -82,7 +82,7 @@ fn main() -> unscatter::Result<()> {
     let start = vec![problem.start; problem.maps.light_map.len()];
     let assessor = Assessor::new(&problem, &operator)?;
     let before = assessor.assess(&start, scene.views.len())?.all;
-    let after = assessor.assess(&solved.light_map, scene.views.len())?.all;
+    let after = assessor.assess(&solved.x, scene.views.len())?.all;
     println!("{} painted pixels, stopped at {:?}", problem.constraints.len(), solved.outcome.stop);
     println!("residual {:.3} before, {:.3} after", before.residual, after.residual);
 
@@ -91,8 +91,8 @@ fn main() -> unscatter::Result<()> {
         path: folder.clone(),
         source,
     })?;
-    let pictures = render(&scene, &problem.maps, Some(&solved.light_map), 0)?;
-    let light_map = Image::new(problem.maps.light_map.size, solved.light_map)?;
+    let pictures = render(&scene, &problem.maps, Some(&solved.x), 0)?;
+    let light_map = Image::new(problem.maps.light_map.size, solved.x)?;
     // Stops of exposure: the light map holds radiances around 40.
     write_png(&folder.join("light_map.png"), &light_map, -5.0)?;
     write_png(&folder.join("before.png"), &pictures.before, scene.exposure)?;

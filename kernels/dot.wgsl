@@ -8,6 +8,6 @@ fn together(a: f32, b: f32) -> f32 {
     return a + b;
 }
 
-fn term(i: u32, channel: u32) -> f32 {
+fn term(k: u32, i: u32, channel: u32) -> f32 {
     return x[i] * y[i];
 }

@@ -7,6 +7,6 @@ fn together(a: f32, b: f32) -> f32 {
     return bitcast<f32>(max(bitcast<u32>(a), bitcast<u32>(b)));
 }
 
-fn term(i: u32, channel: u32) -> f32 {
+fn term(k: u32, i: u32, channel: u32) -> f32 {
     return bitcast<f32>(bitcast<u32>(y[i]) & 0x7fffffffu);
 }

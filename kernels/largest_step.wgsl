@@ -8,12 +8,12 @@ fn together(a: f32, b: f32) -> f32 {
     return min(a, b);
 }
 
-fn term(i: u32, channel: u32) -> f32 {
-    if step[i] < 0.0 && params.a[channel] > -HUGE {
-        return max((params.a[channel] - x[i]) / step[i], 0.0);
+fn term(k: u32, i: u32, channel: u32) -> f32 {
+    if step[i] < 0.0 && lower(k, channel) > -HUGE {
+        return max((lower(k, channel) - x[i]) / step[i], 0.0);
     }
-    if step[i] > 0.0 && params.b[channel] < HUGE {
-        return max((params.b[channel] - x[i]) / step[i], 0.0);
+    if step[i] > 0.0 && upper(k, channel) < HUGE {
+        return max((upper(k, channel) - x[i]) / step[i], 0.0);
     }
     return HUGE;
 }

@@ -8,8 +8,8 @@ fn together(a: f32, b: f32) -> f32 {
     return a + b;
 }
 
-fn term(i: u32, channel: u32) -> f32 {
-    if is_held(x[i], gradient[i], params.a[channel], params.b[channel]) {
+fn term(k: u32, i: u32, channel: u32) -> f32 {
+    if is_held(x[i], gradient[i], lower(k, channel), upper(k, channel)) {
         return 0.0;
     }
     return gradient[i] * gradient[i];

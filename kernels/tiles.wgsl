@@ -6,9 +6,12 @@ struct Tiles {
     tiles: u32,
     stride: u32,
     channel: u32,
-    pad: u32,
+    // The element from which on the second pair of bounds holds.
+    then: u32,
     lower: vec4<f32>,
     upper: vec4<f32>,
+    then_lower: vec4<f32>,
+    then_upper: vec4<f32>,
     // 1 / norm
     shorter: vec4<f32>,
 }
@@ -43,6 +46,16 @@ fn entry(tile: vec4<u32>, k: u32, lane: u32) -> vec3<f32> {
         return w;
     }
     return vec3(matrices[i]);
+}
+
+// l of element i
+fn lower(i: u32, c: u32) -> f32 {
+    return select(params.lower[params.channel + c], params.then_lower[params.channel + c], i >= params.then);
+}
+
+// u of element i
+fn upper(i: u32, c: u32) -> f32 {
+    return select(params.upper[params.channel + c], params.then_upper[params.channel + c], i >= params.then);
 }
 
 fn reciprocal(w: vec3<f32>) -> vec3<f32> {
@@ -92,8 +105,8 @@ fn main(
             for (var c = 0u; c < CHANNELS; c++) {
                 g[c] *= params.shorter[params.channel + c];
                 at[c] = y[c * params.stride + i];
-                least[c] = params.lower[params.channel + c] - at[c];
-                most[c] = params.upper[params.channel + c] - at[c];
+                least[c] = lower(i, c) - at[c];
+                most[c] = upper(i, c) - at[c];
             }
             var sum = vec3(0.0);
             if is_member {
@@ -133,7 +146,7 @@ fn main(
         if OPERATION == 2 {
             for (var c = 0u; c < CHANNELS; c++) {
                 // A bound is met to the last digit.
-                g[c] = clamp(at[c] + d[c], params.lower[params.channel + c], params.upper[params.channel + c]);
+                g[c] = clamp(at[c] + d[c], lower(i, c), upper(i, c));
             }
         }
     }

@@ -8,7 +8,7 @@ var<workgroup> lanes: array<f32, LANES>;
 
 fn term_or_none(k: u32, plane: u32) -> f32 {
     if k < params.len {
-        return term(plane * params.stride + k, params.channel + plane);
+        return term(k, plane * params.stride + k, params.channel + plane);
     }
     return NONE;
 }

@@ -76,7 +76,7 @@ impl Task<'_> {
                 let worst = last.normal_residual.iter().copied().fold(0.0, f64::max);
                 steps.advance(last.iteration as u64, format!("normal residual {worst:.1e}"));
                 if self.preview_every.is_some_and(|every| last.iteration % every == 0) {
-                    preview(&snapshot.texels()?)?;
+                    preview(&snapshot.elements()?)?;
                 }
             }
             if saved.elapsed() > CHECKPOINT_EVERY {
@@ -91,7 +91,7 @@ impl Task<'_> {
         let assessor = Assessor::new(problem, &operator)?;
         let start = vec![problem.start; problem.maps.light_map.len()];
         let before = assessor.assess(&start, views)?;
-        let after = assessor.assess(&solved.light_map, views)?;
+        let after = assessor.assess(&solved.x, views)?;
         let computed = Computed {
             coverage,
             adjoint_error,

@@ -113,7 +113,7 @@ impl Findings<'_> {
         let [lower, upper] = self.scene.solve.bounds;
         let is_at_bound =
             |texel: &Rgb| (0..3).any(|c| f64::from(texel[c]) <= lower[c] || f64::from(texel[c]) >= upper[c]);
-        let reached = self.computed.solved.light_map.iter().zip(&self.computed.coverage.0);
+        let reached = self.computed.solved.x.iter().zip(&self.computed.coverage.0);
         let reached = reached.filter(|(_, covered)| covered.iter().any(|&value| value > 0.0));
         let held = reached.filter(|(texel, _)| is_at_bound(texel)).count();
         Certificate {

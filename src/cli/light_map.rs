@@ -41,9 +41,9 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
 
     let views = scene.views.len() as u64;
     steps.begin("rendering", Some(views));
-    let pictures = draw(&scene, &problem, &solved.light_map, [before, after], &steps)?;
+    let pictures = draw(&scene, &problem, &solved.x, [before, after], &steps)?;
     steps.begin("writing", None);
-    let light_map = light_map_picture(&problem, solved.light_map.clone())?;
+    let light_map = light_map_picture(&problem, solved.x.clone())?;
     let coverage_picture = coverage_picture(&problem, coverage)?;
     let in_page = report::Pictures {
         views: pictures.iter().map(|view| view.write(&folder, scene.exposure)).collect::<Result<_>>()?,

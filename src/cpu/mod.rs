@@ -5,10 +5,14 @@
 //! any number of threads.
 
 mod bands;
+mod lighting;
+mod reach;
 mod rows;
 mod tiles;
 mod transport;
 
+pub use lighting::{Beam, light_volume};
+pub use reach::reached;
 pub use tiles::{Rows, TileMetric, Tiling};
 pub(crate) use transport::gather;
 pub use transport::{Storage, Transport, WalkPlan};

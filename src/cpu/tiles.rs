@@ -19,7 +19,8 @@ pub trait Rows<F, const C: usize>: Sync {
     fn visit(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>));
 }
 
-/// Which tile an element belongs to: squares of 8 × 8 neighbours, of which only the unknown elements count.
+/// Which tile an element belongs to: squares of 8 × 8 neighbours, or cubes of 4 × 4 × 4, of which only the unknown elements
+/// count.
 #[derive(Debug, Clone)]
 pub struct Tiling {
     /// For every element its tile and its place there; the tile is `u32::MAX` where it is not unknown.
@@ -30,14 +31,27 @@ pub struct Tiling {
 
 impl Tiling {
     /// Tiles over a lattice of so many elements along each of two axes, of which `columns` are unknown.
-    pub fn new([width, height]: [usize; 2], columns: &[u32]) -> Self {
-        let across = width.div_ceil(SIDE);
-        let mut places = vec![(u32::MAX, 0); width * height];
-        let mut number = vec![u32::MAX; across * height.div_ceil(SIDE)];
+    pub fn new(size: [usize; 2], columns: &[u32]) -> Self {
+        Self::placed(&size, size[0] * size[1], columns, columns)
+    }
+
+    /// Tiles over a lattice of so many places along each of its axes, the first running fastest, and over copies of it
+    /// behind: `columns` are the unknowns among so many `elements`, and `at` their places.
+    pub fn placed(size: &[usize], elements: usize, columns: &[u32], at: &[u32]) -> Self {
+        // 64 members whatever the dimensions.
+        let side = if size.len() > 2 { SIDE / 2 } else { SIDE };
+        let mut places = vec![(u32::MAX, 0); elements];
+        let mut numbers = std::collections::HashMap::new();
         let mut members: Vec<Vec<u32>> = Vec::new();
-        for (&column, unknown) in columns.iter().zip(0u32..) {
-            let (i, j) = (column as usize % width, column as usize / width);
-            let number = &mut number[(j / SIDE) * across + i / SIDE];
+        for ((&column, &place), unknown) in columns.iter().zip(at).zip(0u32..) {
+            let (mut rest, mut tile, mut stride) = (place as usize, 0, 1);
+            for &length in size {
+                tile += rest % length / side * stride;
+                stride *= length.div_ceil(side);
+                rest /= length;
+            }
+            // What is left of the place counts the copies.
+            let number = numbers.entry(tile + rest * stride).or_insert(u32::MAX);
             if *number == u32::MAX {
                 *number = members.len() as u32;
                 members.push(Vec::with_capacity(SIDE * SIDE));
@@ -297,16 +311,20 @@ impl<F: Real, const C: usize> Metric<CpuVector<F>> for TileMetric<F, C> {
     }
 
     fn descend(&self, x: &mut CpuVector<F>, y: &CpuVector<F>, norm: Scalars, bounds: &Bounds) {
-        let (lower, upper) = (bounds.lower().map(F::of), bounds.upper().map(F::of));
         let shorter: [F; 3] = norm.map(|norm| F::of(1.0 / norm));
         self.each(x, |tile, part, members| {
             let mut room: Room<F> = [[F::zero(); 4]; SIDE * SIDE];
             let d = &mut room[..part.len()];
             part.iter_mut().for_each(|g| (0..3).for_each(|c| g[c] = g[c] * shorter[c]));
             let at = |k: usize, c: usize| y.0[members[k] as usize][c];
+            let within = |k: usize, c: usize, value: F| {
+                let [lower, upper] = bounds.of(members[k] as usize);
+                // A bound is met to the last digit.
+                F::min(F::max(value, F::of(lower[c])), F::of(upper[c]))
+            };
             let limit = |k: usize, c: usize, value: F| {
-                let y = at(k, c);
-                F::min(F::max(value, lower[c] - y), upper[c] - y)
+                let (y, [lower, upper]) = (at(k, c), bounds.of(members[k] as usize));
+                F::min(F::max(value, F::of(lower[c]) - y), F::of(upper[c]) - y)
             };
             // A sweep alone is slow where d is smooth, which is where the step of the separable surrogate is exact.
             for (k, g) in part.iter().enumerate() {
@@ -314,10 +332,7 @@ impl<F: Real, const C: usize> Metric<CpuVector<F>> for TileMetric<F, C> {
             }
             tile.sweep(part, d, limit);
             for (k, value) in part.iter_mut().enumerate() {
-                for c in 0..3 {
-                    // A bound is met to the last digit.
-                    value[c] = F::min(F::max(at(k, c) + d[k][c], lower[c]), upper[c]);
-                }
+                (0..3).for_each(|c| value[c] = within(k, c, at(k, c) + d[k][c]));
             }
         });
     }

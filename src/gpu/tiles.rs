@@ -106,9 +106,13 @@ impl Metric<GpuVector> for TileMetric {
     }
 
     fn descend(&self, x: &mut GpuVector, y: &GpuVector, norm: Scalars, bounds: &Bounds) {
+        let [(_, [lower, upper]), (others, [then_lower, then_upper])] = bounds.parts(x.len());
         let params = Tiles {
-            lower: bound(bounds.lower()),
-            upper: bound(bounds.upper()),
+            then: others.start as u32,
+            lower: bound(lower),
+            upper: bound(upper),
+            then_lower: bound(then_lower),
+            then_upper: bound(then_upper),
             shorter: numbers(norm.map(|norm| 1.0 / norm)),
             ..Tiles::default()
         };

@@ -87,13 +87,27 @@ impl GpuVector {
 
     /// Lets a kernel change every element by its partners in vectors of the same length.
     fn each(&mut self, kernel: Kernel, others: &[&Self], a: Scalars, b: Scalars) {
+        self.each_with(kernel, others, |_, params| VectorParams { a: numbers(a), b: numbers(b), ..params });
+    }
+
+    fn each_within(&mut self, kernel: Kernel, others: &[&Self], bounds: &Bounds) {
+        let len = self.len;
+        self.each_with(kernel, others, |slab, params| params.within(bounds, len, slab));
+    }
+
+    fn each_with(
+        &mut self,
+        kernel: Kernel,
+        others: &[&Self],
+        params: impl Fn(Slab, VectorParams) -> VectorParams,
+    ) {
         let all: Vec<&Self> = others.iter().copied().chain([&*self]).collect();
         debug_assert!(others.iter().all(|other| other.len == self.len));
         for channels in Self::channels(&all) {
             for slab in self.slabs(channels) {
                 let mut bindings = vec![self.binding(slab)];
                 bindings.extend(others.iter().map(|other| other.binding(slab)));
-                let params = VectorParams { a: numbers(a), b: numbers(b), ..self.params(slab) };
+                let params = params(slab, self.params(slab));
                 self.gpu.dispatch(kernel, &params, &[&bindings], workgroups(slab));
             }
         }
@@ -139,9 +153,7 @@ impl GpuVector {
             let bindings = [results.clone(), first.binding(slab), second.binding(slab)];
             let params = VectorParams {
                 results: begin,
-                a: bound(bounds.lower()),
-                b: bound(bounds.upper()),
-                ..first.params(slab)
+                ..first.params(slab).within(bounds, first.len, slab)
             };
             gpu.dispatch(kernel, &params, &[&bindings], [count, slab.channels]);
             pieces.push(Pieces { begin, channel: slab.channel, channels: slab.channels, count });
@@ -205,6 +217,19 @@ impl GpuVector {
 }
 
 impl VectorParams {
+    /// With the bounds of a slab of a vector of `len` elements.
+    fn within(self, bounds: &Bounds, len: usize, slab: Slab) -> Self {
+        let [(_, [lower, upper]), (others, [then_lower, then_upper])] = bounds.parts(len);
+        Self {
+            then: others.start.saturating_sub(slab.first) as u32,
+            a: bound(lower),
+            b: bound(upper),
+            then_a: bound(then_lower),
+            then_b: bound(then_upper),
+            ..self
+        }
+    }
+
     fn looking_at(self, other: &GpuVector, slab: Slab) -> Self {
         Self {
             other_first: slab.first as u32,
@@ -271,19 +296,19 @@ impl Vector for GpuVector {
     }
 
     fn clamp(&mut self, bounds: &Bounds) {
-        self.each(Kernel::Clamp, &[], within(bounds.lower()), within(bounds.upper()));
+        self.each_within(Kernel::Clamp, &[], bounds);
     }
 
     fn hold(&mut self, x: &Self, gradient: &Self, bounds: &Bounds) {
-        self.each(Kernel::Hold, &[x, gradient], within(bounds.lower()), within(bounds.upper()));
+        self.each_within(Kernel::Hold, &[x, gradient], bounds);
     }
 
     fn hold_at_bounds(&mut self, x: &Self, bounds: &Bounds) {
-        self.each(Kernel::HoldAtBounds, &[x], within(bounds.lower()), within(bounds.upper()));
+        self.each_within(Kernel::HoldAtBounds, &[x], bounds);
     }
 
     fn shorten(&mut self, x: &Self, bounds: &Bounds) {
-        self.each(Kernel::Shorten, &[x], within(bounds.lower()), within(bounds.upper()));
+        self.each_within(Kernel::Shorten, &[x], bounds);
     }
 
     fn largest_step(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
@@ -318,11 +343,6 @@ impl Vector for GpuVector {
         }
         self.gpu.check()
     }
-}
-
-/// Bounds as numbers that kernels can compare with.
-fn within(scalars: Scalars) -> Scalars {
-    scalars.map(|value| value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)))
 }
 
 impl Indexed for GpuVector {

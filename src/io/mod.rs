@@ -4,8 +4,12 @@ mod checkpoint;
 pub mod gltf;
 pub mod image;
 pub mod npy;
+mod numbers;
 pub mod obj;
 pub mod scene_file;
+pub mod transforms;
+pub mod vdb;
+pub mod volume;
 mod whole;
 
 pub use checkpoint::Checkpoint;

@@ -8,7 +8,9 @@ use npyz::{DType, WriteOptions, WriterBuilder};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
+use super::numbers::{self, Encoding, Kind};
 use super::whole::{write_whole, write_whole_seekable};
+use crate::scene::Samples;
 use crate::{Error, Result};
 
 /// Writes an array of 32-bit floats in C order (the last axis is the fastest).
@@ -48,18 +50,19 @@ where
     check_columns(shape.1, indices, data.len())?;
     check_finite(path, data)?;
     write_whole_seekable(path, |file| {
-        write_members(file, shape, indptr, indices, data).map_err(file_error("write", path))
+        write_archive(file, |archive| write_members(archive, shape, indptr, indices, data))
+            .map_err(file_error("write", path))
     })
 }
 
-/// Reads an array of 32- or 64-bit floats in C order, of either byte order: its shape and its values.
+/// Reads an array of 16-, 32- or 64-bit floats or of bytes in C order, of either byte order: its shape and its values.
 ///
 /// Errors: [`Error::File`] when it cannot be read; [`Error::Format`] when it is no such array, is in Fortran order, is
 /// shorter than its header says, or holds a value that is not finite as a 32-bit float.
 pub fn read_f32(path: &Path) -> Result<(Vec<usize>, Vec<f32>)> {
     let file = File::open(path).map_err(file_error("read", path))?;
     let bytes = file.metadata().map_err(file_error("read", path))?.len();
-    read_array(BufReader::new(file), bytes).map_err(|fault| match fault {
+    read_array(&mut BufReader::new(file), bytes).map_err(|fault| match fault {
         Fault::Read(source) if source.kind() == io::ErrorKind::UnexpectedEof => {
             format_error(path, "it ends too early".to_owned())
         }
@@ -68,7 +71,28 @@ pub fn read_f32(path: &Path) -> Result<(Vec<usize>, Vec<f32>)> {
     })
 }
 
-fn write_array<T: npyz::AutoSerialize>(
+/// Writes an array of 32- or 16-bit floats, as [`write_f32`] does. There must be as many as `shape` says.
+pub(super) fn write_samples(
+    writer: &mut (impl Write + ?Sized),
+    shape: &[usize],
+    samples: &Samples,
+) -> io::Result<()> {
+    let dtype = match samples {
+        Samples::F32(_) => "<f4",
+        Samples::F16(_) => "<f2",
+    };
+    let shape: String = shape.iter().map(|length| format!("{length}, ")).collect();
+    let text = format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({shape}), }}");
+    // The values begin at a multiple of 64 bytes, where a mapped file wants them.
+    let width = (text.len() + 11).next_multiple_of(64) - 11;
+    let length = u16::try_from(width + 1).map_err(io::Error::other)?;
+    writer.write_all(b"\x93NUMPY\x01\x00")?;
+    writer.write_all(&length.to_le_bytes())?;
+    writeln!(writer, "{text:width$}")?;
+    numbers::write_samples(writer, samples)
+}
+
+pub(super) fn write_array<T: npyz::AutoSerialize>(
     writer: impl Write,
     shape: &[usize],
     values: impl Iterator<Item = T>,
@@ -82,15 +106,16 @@ fn write_array<T: npyz::AutoSerialize>(
     writer.flush()
 }
 
-fn write_members<I: Copy + TryInto<usize>>(
-    file: &mut BufWriter<&File>,
-    shape: (usize, usize),
-    indptr: &[i64],
-    indices: &[I],
-    data: &[f32],
+/// An archive on its way into a file.
+pub(super) type Archive<'f, 'g> = ZipWriter<&'f mut BufWriter<&'g File>>;
+
+/// Writes an archive with the members that `write` puts into it.
+pub(super) fn write_archive<'f, 'g>(
+    file: &'f mut BufWriter<&'g File>,
+    write: impl FnOnce(&mut Archive<'f, 'g>) -> io::Result<()>,
 ) -> io::Result<()> {
     let mut archive = ZipWriter::new(file);
-    match write_members_to(&mut archive, shape, indptr, indices, data) {
+    match write(&mut archive) {
         Ok(()) => archive.finish().map(drop).map_err(io::Error::from),
         Err(error) => {
             // Dropped unfinished it would try again to finish, and print what it then meets.
@@ -100,8 +125,8 @@ fn write_members<I: Copy + TryInto<usize>>(
     }
 }
 
-fn write_members_to<I: Copy + TryInto<usize>>(
-    mut archive: &mut ZipWriter<&mut BufWriter<&File>>,
+fn write_members<I: Copy + TryInto<usize>>(
+    mut archive: &mut Archive,
     (rows, columns): (usize, usize),
     indptr: &[i64],
     indices: &[I],
@@ -180,7 +205,8 @@ fn check_finite(path: &Path, values: &[f32]) -> Result<()> {
 }
 
 /// Why an array cannot be read.
-enum Fault {
+#[derive(Debug)]
+pub(super) enum Fault {
     Read(io::Error),
     Content(String),
 }
@@ -191,29 +217,50 @@ impl From<io::Error> for Fault {
     }
 }
 
-fn read_array(mut file: impl Read, bytes: u64) -> Result<(Vec<usize>, Vec<f32>), Fault> {
-    let (text, header_bytes) = read_header(&mut file)?;
-    let header = Header::parse(&text)
-        .ok_or_else(|| Fault::Content(format!("its header cannot be understood: {}", text.trim_end())))?;
-    let decode = Decode::of(header.dtype)?;
-    if header.fortran_order && header.shape.len() > 1 {
-        let reason = "it is in Fortran order; save it with numpy.ascontiguousarray".to_owned();
-        return Err(Fault::Content(reason));
+fn read_array(file: &mut impl Read, bytes: u64) -> Result<(Vec<usize>, Vec<f32>), Fault> {
+    let array = Array::read(file, bytes)?;
+    let values = match array.encoding.read_samples(file, array.count)? {
+        Samples::F32(values) => values,
+        Samples::F16(values) => values.into_iter().map(f32::from).collect(),
+    };
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok((array.shape, values)),
+        Some(index) => Err(Fault::Content(format!("value {index} is not a finite 32-bit float"))),
     }
-    let count = product(&header.shape);
-    let needed = count.and_then(|count| count.checked_mul(decode.width));
-    let available = bytes.saturating_sub(header_bytes);
-    let count =
-        count.filter(|_| needed.is_some_and(|needed| needed as u64 <= available)).ok_or_else(|| {
-            Fault::Content(format!(
+}
+
+/// What is known of an array before its values are read.
+#[derive(Debug)]
+pub(super) struct Array {
+    /// The last axis is the fastest.
+    pub(super) shape: Vec<usize>,
+    /// The product of the shape.
+    pub(super) count: usize,
+    pub(super) encoding: Encoding,
+}
+
+impl Array {
+    /// Reads up to the first value. `bytes` is how long the file can be at most: it is enough for `count` values.
+    pub(super) fn read(file: &mut impl Read, bytes: u64) -> Result<Self, Fault> {
+        let (text, header_bytes) = read_header(file)?;
+        let header = Header::parse(&text)
+            .ok_or_else(|| Fault::Content(format!("its header cannot be understood: {}", text.trim_end())))?;
+        let encoding = encoding_of(header.dtype)?;
+        if header.fortran_order && header.shape.len() > 1 {
+            let reason = "it is in Fortran order; save it with numpy.ascontiguousarray".to_owned();
+            return Err(Fault::Content(reason));
+        }
+        let available = bytes.saturating_sub(header_bytes);
+        let fits = |&count: &usize| {
+            count.checked_mul(encoding.width()).is_some_and(|needed| needed as u64 <= available)
+        };
+        match product(&header.shape).filter(fits) {
+            Some(count) => Ok(Self { shape: header.shape, count, encoding }),
+            None => Err(Fault::Content(format!(
                 "it holds {available} bytes, which are too few for the shape {:?}",
                 header.shape
-            ))
-        })?;
-    let values = read_values(&mut file, count, &decode)?;
-    match values.iter().position(|value| !value.is_finite()) {
-        None => Ok((header.shape, values)),
-        Some(index) => Err(Fault::Content(format!("value {index} is not a finite 32-bit float"))),
+            ))),
+        }
     }
 }
 
@@ -274,41 +321,24 @@ fn value_of<'t>(text: &'t str, key: &str) -> Option<&'t str> {
     Some(after.trim_start().strip_prefix(':')?.trim_start())
 }
 
-/// How the bytes of one value become a number.
-struct Decode {
-    width: usize,
-    value: fn(&[u8]) -> f32,
-}
-
-impl Decode {
-    fn of(dtype: &str) -> Result<Self, Fault> {
-        fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
-            std::array::from_fn(|index| bytes[index])
-        }
-        let (width, value): (_, fn(&[u8]) -> f32) = match dtype {
-            "<f4" => (4, |bytes| f32::from_le_bytes(array(bytes))),
-            ">f4" => (4, |bytes| f32::from_be_bytes(array(bytes))),
-            "<f8" => (8, |bytes| f64::from_le_bytes(array(bytes)) as f32),
-            ">f8" => (8, |bytes| f64::from_be_bytes(array(bytes)) as f32),
-            other => {
-                let reason = format!("its values are {other}; save them with .astype('float32')");
-                return Err(Fault::Content(reason));
-            }
-        };
-        Ok(Self { width, value })
+fn encoding_of(dtype: &str) -> Result<Encoding, Fault> {
+    let kind = match dtype.get(1..) {
+        Some("u1") => Kind::U8,
+        Some("f2") => Kind::F16,
+        Some("f4") => Kind::F32,
+        Some("f8") => Kind::F64,
+        _ => return Err(unknown_values(dtype)),
+    };
+    match dtype.as_bytes()[0] {
+        b'<' => Ok(Encoding { kind, big_endian: false }),
+        b'>' => Ok(Encoding { kind, big_endian: true }),
+        b'|' if kind == Kind::U8 => Ok(Encoding { kind, big_endian: false }),
+        _ => Err(unknown_values(dtype)),
     }
 }
 
-fn read_values(file: &mut impl Read, count: usize, decode: &Decode) -> io::Result<Vec<f32>> {
-    const VALUES_AT_ONCE: usize = 1 << 13;
-    let mut values = Vec::with_capacity(count);
-    let mut bytes = vec![0; VALUES_AT_ONCE * decode.width];
-    while values.len() < count {
-        let part = &mut bytes[..decode.width * VALUES_AT_ONCE.min(count - values.len())];
-        file.read_exact(part)?;
-        values.extend(part.chunks_exact(decode.width).map(decode.value));
-    }
-    Ok(values)
+fn unknown_values(dtype: &str) -> Fault {
+    Fault::Content(format!("its values are {dtype}; save them with .astype('float32')"))
 }
 
 /// None when there are more than can be counted.

@@ -7,9 +7,13 @@ mod basis;
 mod exponential;
 mod light_map;
 mod visibility;
+mod volume;
 
 pub use exponential::{SERIES_0, SERIES_2};
 pub use light_map::{LightMapTransport, LightMapTraversal, RowExtent, ViewRay};
+pub use volume::{
+    Density, InScattering, LitVolume, Part, PixelRays, Quantity, Refraction, VolumeTransport, VolumeTraversal,
+};
 
 /// The floating-point types that traversals and operators compute in.
 pub trait Real:

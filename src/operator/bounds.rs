@@ -1,19 +1,22 @@
+use std::ops::Range;
+
 use super::Scalars;
 use crate::{Error, Result};
 
-/// l ≤ x ≤ u, one pair of bounds a channel; infinite where there is none.
+/// l ≤ x ≤ u, one pair of bounds a channel; infinite where there is none. Elements from some index on may have others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
-    lower: Scalars,
-    upper: Scalars,
+    first: [Scalars; 2],
+    /// Where the elements with bounds of their own begin, and these.
+    then: Option<(usize, [Scalars; 2])>,
 }
 
 impl Bounds {
     /// No bound at all.
-    pub const NONE: Self = Self { lower: [f64::NEG_INFINITY; 3], upper: [f64::INFINITY; 3] };
+    pub const NONE: Self = Self { first: [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]], then: None };
 
     /// 0 ≤ x.
-    pub const NOT_NEGATIVE: Self = Self { lower: [0.0; 3], upper: [f64::INFINITY; 3] };
+    pub const NOT_NEGATIVE: Self = Self { first: [[0.0; 3], [f64::INFINITY; 3]], then: None };
 
     /// Errors: [`Error::Value`] naming `lower` or `upper` for a NaN, for l > u, and for bounds that no finite number
     /// meets.
@@ -27,17 +30,28 @@ impl Bounds {
                 return Err(Error::value("upper", upper[c], "a number that is not below `lower`"));
             }
         }
-        Ok(Self { lower, upper })
+        Ok(Self { first: [lower, upper], then: None })
     }
 
-    /// l.
-    pub fn lower(&self) -> Scalars {
-        self.lower
+    /// The same for the elements before `index`, and `others` from there on.
+    pub fn then(self, index: usize, others: Self) -> Self {
+        Self { then: Some((index, others.first)), ..self }
     }
 
-    /// u.
-    pub fn upper(&self) -> Scalars {
-        self.upper
+    /// l and u of an element.
+    #[inline(always)]
+    pub fn of(&self, element: usize) -> &[Scalars; 2] {
+        match &self.then {
+            Some((index, others)) if element >= *index => others,
+            _ => &self.first,
+        }
+    }
+
+    /// Where bounds change among `len` elements: ranges that share theirs, with l and u.
+    pub fn parts(&self, len: usize) -> [(Range<usize>, [Scalars; 2]); 2] {
+        let (index, others) = self.then.unwrap_or((len, self.first));
+        let index = index.min(len);
+        [(0..index, self.first), (index..len, others)]
     }
 }
 

@@ -28,7 +28,6 @@ impl<F: Real> CpuVector<F> {
         Self(values.iter().map(|value| value.map(F::of)).collect())
     }
 
-    /// Changes every number by its partner in `other` and the constants of its channel.
     fn update<const N: usize>(
         &mut self,
         other: &Self,
@@ -36,35 +35,61 @@ impl<F: Real> CpuVector<F> {
         change: impl Fn(&mut F, F, [F; N]) + Sync,
     ) {
         debug_assert_eq!(self.0.len(), other.0.len());
-        let constants: [[F; N]; LANES] = std::array::from_fn(|lane| constants.map(|c| F::of(c[lane % 3])));
-        self.0.par_chunks_mut(PIECE).zip(other.0.par_chunks(PIECE)).for_each(|(mine, theirs)| {
-            let (mine, my_rest) = mine.as_flattened_mut().as_chunks_mut::<LANES>();
-            let (theirs, their_rest) = theirs.as_flattened().as_chunks::<LANES>();
-            for (mine, theirs) in mine.iter_mut().zip(theirs) {
-                for lane in 0..LANES {
-                    change(&mut mine[lane], theirs[lane], constants[lane]);
-                }
-            }
-            for (lane, (mine, theirs)) in my_rest.iter_mut().zip(their_rest).enumerate() {
-                change(mine, *theirs, constants[lane]);
-            }
-        });
+        update(&mut self.0, &other.0, constants, change);
     }
 
     fn each(&mut self, constants: Scalars, change: impl Fn(F, F) -> F + Sync) {
-        let constants = constants.map(F::of);
-        self.0.par_chunks_mut(PIECE).for_each(|piece| {
-            piece.iter_mut().for_each(|element| {
-                *element = std::array::from_fn(|c| change(element[c], constants[c]));
-            });
-        });
+        each(&mut self.0, constants, change);
+    }
+
+    /// [`update`] with the bounds of each element for constants.
+    fn update_within(&mut self, x: &Self, bounds: &Bounds, change: impl Fn(&mut F, F, [F; 2]) + Sync) {
+        debug_assert_eq!(self.0.len(), x.0.len());
+        for (part, bounds) in bounds.parts(self.0.len()) {
+            update(&mut self.0[part.clone()], &x.0[part], bounds, &change);
+        }
     }
 }
 
-/// Whether x is at a bound of its channel and going down the gradient would leave the box.
-fn holds<F: Real>(bounds: &Bounds) -> impl Fn(usize, F, F) -> bool + Sync + use<F> {
-    let (lower, upper) = (bounds.lower().map(F::of), bounds.upper().map(F::of));
-    move |c, x, gradient| (x <= lower[c] && gradient > F::zero()) || (x >= upper[c] && gradient < F::zero())
+/// Changes every number by its partner in `theirs` and the constants of its channel.
+fn update<F: Real, const N: usize>(
+    mine: &mut [[F; 3]],
+    theirs: &[[F; 3]],
+    constants: [Scalars; N],
+    change: impl Fn(&mut F, F, [F; N]) + Sync,
+) {
+    let constants: [[F; N]; LANES] = std::array::from_fn(|lane| constants.map(|c| F::of(c[lane % 3])));
+    mine.par_chunks_mut(PIECE).zip(theirs.par_chunks(PIECE)).for_each(|(mine, theirs)| {
+        let (mine, my_rest) = mine.as_flattened_mut().as_chunks_mut::<LANES>();
+        let (theirs, their_rest) = theirs.as_flattened().as_chunks::<LANES>();
+        for (mine, theirs) in mine.iter_mut().zip(theirs) {
+            for lane in 0..LANES {
+                change(&mut mine[lane], theirs[lane], constants[lane]);
+            }
+        }
+        for (lane, (mine, theirs)) in my_rest.iter_mut().zip(their_rest).enumerate() {
+            change(mine, *theirs, constants[lane]);
+        }
+    });
+}
+
+/// Changes every number by the constant of its channel.
+fn each<F: Real>(mine: &mut [[F; 3]], constants: Scalars, change: impl Fn(F, F) -> F + Sync) {
+    let constants = constants.map(F::of);
+    mine.par_chunks_mut(PIECE).for_each(|piece| {
+        piece.iter_mut().for_each(|element| {
+            *element = std::array::from_fn(|c| change(element[c], constants[c]));
+        });
+    });
+}
+
+/// Whether channel c of an element x is at a bound and going down the gradient would leave the box.
+fn holds<F: Real>(bounds: &Bounds) -> impl Fn(usize, usize, F, F) -> bool + Sync + use<F> {
+    let bounds = *bounds;
+    move |element, c, x, gradient| {
+        let [lower, upper] = bounds.of(element);
+        (x <= F::of(lower[c]) && gradient > F::zero()) || (x >= F::of(upper[c]) && gradient < F::zero())
+    }
 }
 
 fn add(a: Scalars, b: Scalars) -> Scalars {
@@ -150,29 +175,30 @@ impl<F: Real> Vector for CpuVector<F> {
     }
 
     fn clamp(&mut self, bounds: &Bounds) {
-        self.each(bounds.lower(), F::max);
-        if bounds.upper() != [f64::INFINITY; 3] {
-            self.each(bounds.upper(), F::min);
+        for (part, [lower, upper]) in bounds.parts(self.0.len()) {
+            each(&mut self.0[part.clone()], lower, F::max);
+            if upper != [f64::INFINITY; 3] {
+                each(&mut self.0[part], upper, F::min);
+            }
         }
     }
 
     fn hold(&mut self, x: &Self, gradient: &Self, bounds: &Bounds) {
         let held = holds::<F>(bounds);
-        self.0.par_chunks_mut(PIECE).zip(x.0.par_chunks(PIECE).zip(gradient.0.par_chunks(PIECE))).for_each(
-            |(mine, (x, gradient))| {
-                for ((mine, x), gradient) in mine.iter_mut().zip(x).zip(gradient) {
-                    for c in 0..3 {
-                        if held(c, x[c], gradient[c]) {
-                            mine[c] = F::zero();
-                        }
+        let partners = x.0.par_chunks(PIECE).zip(gradient.0.par_chunks(PIECE));
+        self.0.par_chunks_mut(PIECE).zip(partners).enumerate().for_each(|(piece, (mine, (x, gradient)))| {
+            for (k, ((mine, x), gradient)) in mine.iter_mut().zip(x).zip(gradient).enumerate() {
+                for c in 0..3 {
+                    if held(piece * PIECE + k, c, x[c], gradient[c]) {
+                        mine[c] = F::zero();
                     }
                 }
-            },
-        );
+            }
+        });
     }
 
     fn hold_at_bounds(&mut self, x: &Self, bounds: &Bounds) {
-        self.update(x, [bounds.lower(), bounds.upper()], |mine, x, [lower, upper]| {
+        self.update_within(x, bounds, |mine, x, [lower, upper]| {
             if x <= lower || x >= upper {
                 *mine = F::zero();
             }
@@ -180,7 +206,7 @@ impl<F: Real> Vector for CpuVector<F> {
     }
 
     fn shorten(&mut self, x: &Self, bounds: &Bounds) {
-        self.update(x, [bounds.lower(), bounds.upper()], |mine, x, [lower, upper]| {
+        self.update_within(x, bounds, |mine, x, [lower, upper]| {
             let room = F::min(x - lower, upper - x);
             if room.is_finite() {
                 *mine = *mine * room;
@@ -194,11 +220,11 @@ impl<F: Real> Vector for CpuVector<F> {
     }
 
     fn largest_step(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
-        let (lower, upper) = (bounds.lower(), bounds.upper());
         let least = |a: Scalars, b: Scalars| std::array::from_fn(|c| a[c].min(b[c]));
         Ok(reduce(0..self.0.len(), least, &|piece| {
             let mut largest = [f64::INFINITY; 3];
-            for (step, x) in self.0[piece.clone()].iter().zip(&x.0[piece]) {
+            for element in piece {
+                let (step, x, [lower, upper]) = (self.0[element], x.0[element], bounds.of(element));
                 for c in 0..3 {
                     let step = step[c].wide();
                     if step != 0.0 {
@@ -215,9 +241,10 @@ impl<F: Real> Vector for CpuVector<F> {
         let held = holds::<F>(bounds);
         Ok(reduce(0..self.0.len(), add, &|piece| {
             let mut sum = [0.0; 3];
-            for (gradient, x) in self.0[piece.clone()].iter().zip(&x.0[piece]) {
+            for element in piece {
+                let (gradient, x) = (self.0[element], x.0[element]);
                 for c in 0..3 {
-                    let kept = if held(c, x[c], gradient[c]) { 0.0 } else { gradient[c].wide() };
+                    let kept = if held(element, c, x[c], gradient[c]) { 0.0 } else { gradient[c].wide() };
                     sum[c] += kept * kept;
                 }
             }

@@ -22,17 +22,23 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// The lattice has so many elements along each axis, the first axis running fastest; `columns` are the unknown ones, in
-    /// increasing order.
+    /// The lattice has so many elements along each axis, the first axis running fastest; `columns` are the places of the
+    /// unknown ones, in any order and none twice. Places behind the lattice are in copies of it, which are no neighbours
+    /// of each other.
     ///
-    /// Errors: [`Error::Value`] for columns outside the lattice.
+    /// Errors: [`Error::Value`] for places in more than two copies, or one that comes twice.
     pub fn new(size: &[usize], columns: &[u32]) -> Result<Self> {
         let total: usize = size.iter().product();
-        if columns.last().is_some_and(|&last| last as usize >= total) {
+        let last = columns.iter().max().map_or(0, |&last| last as usize);
+        if last >= 2 * total {
             return Err(Error::value("columns", columns.len(), "indices of elements of the lattice"));
         }
-        let mut unknown = vec![NOWHERE; total];
-        columns.iter().zip(0u32..).for_each(|(&column, index)| unknown[column as usize] = index);
+        let mut unknown = vec![NOWHERE; if last < total { total } else { 2 * total }];
+        for (&column, index) in columns.iter().zip(0u32..) {
+            if std::mem::replace(&mut unknown[column as usize], index) != NOWHERE {
+                return Err(Error::value("columns", column, "different elements"));
+            }
+        }
         let (mut tails, mut heads) = (Vec::new(), Vec::new());
         let (mut into, mut out_of) = (Vec::new(), Vec::new());
         let mut stride = 1;

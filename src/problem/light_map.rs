@@ -4,11 +4,11 @@ use rayon::prelude::*;
 
 use super::extents::fit_to;
 use super::transport::LightMapOperator;
-use super::{Constraint, Maps, Surfaces, Traced, constraints};
+use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints};
 use crate::cpu::{Transport, WalkPlan};
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::CpuVector;
-use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, Strategy, Target};
+use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
 use crate::{Error, Result};
 
 /// The painted pixels of a scene as rows, and what they should become.
@@ -158,6 +158,29 @@ impl LightMapProblem {
     /// The constraint weights, one colour a row.
     pub fn weights(&self) -> CpuVector {
         CpuVector(self.constraints.iter().map(|pixel| [pixel.weight; 3]).collect())
+    }
+
+    /// The problem as methods solve it.
+    ///
+    /// Errors: [`Error::Value`] naming a bound.
+    pub fn formulation(&self, settings: &SolveSettings) -> Result<Formulation<'_>> {
+        let mut wanted = [0.0; 3];
+        for (row, pixel) in self.constraints.iter().enumerate() {
+            let color = self.wanted(row);
+            for c in 0..3 {
+                wanted[c] += f64::from(pixel.weight) * f64::from(color[c]).powi(2);
+            }
+        }
+        Ok(Formulation {
+            targets: &self.targets,
+            weights: self.weights().0.into(),
+            wanted,
+            start: Start::Everywhere(self.start, self.maps.light_map.len()),
+            lattice: Lattice { size: &self.maps.light_map.size, places: None },
+            bounds: Formulation::bounds_of(settings)?,
+            steering: None,
+            remedy: "raise medium.sigma_t or medium.albedo",
+        })
     }
 }
 

@@ -4,6 +4,7 @@ mod assess;
 mod constraints;
 mod extents;
 mod fill;
+mod formulation;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod light_map;
@@ -19,6 +20,7 @@ mod transport;
 pub use assess::{Assessment, Assessor, Match};
 pub use constraints::{Constraint, constraints};
 pub use extents::{Maps, fit};
+pub use formulation::{Formulation, Lattice, Start};
 #[cfg(feature = "gpu")]
 pub use gpu::GpuLightMapOperator;
 pub use light_map::LightMapProblem;
@@ -26,7 +28,9 @@ pub use painting::paint;
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;
 pub use render::{Rendering, render};
-pub use solution::{Paused, Snapshot, Solved, SystemOperator, measure, method, solve, vectors};
+pub use solution::{
+    Paused, Snapshot, Solved, SystemOperator, measure, method, minimize, solve, vectors,
+};
 pub use surfaces::{Surfaces, Traced};
 pub use system::{System, Weights};
 pub use transport::{LightMapOperator, TransportOperator};

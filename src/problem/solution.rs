@@ -1,4 +1,5 @@
 use super::fill::fill;
+use super::Formulation;
 use super::system::{System, Weights};
 use super::{LightMapProblem, TransportOperator};
 use crate::operator::{CpuVector, Indexed, Stacked, Vector};
@@ -9,11 +10,13 @@ use crate::solve::{
 };
 use crate::{Error, Result};
 
-/// A solved light map.
+/// A solved problem.
 #[derive(Debug)]
 pub struct Solved {
-    /// Radiance of all texels, row by row; those that no painted ray reaches keep the start, or are filled.
-    pub light_map: Vec<Rgb>,
+    /// All elements; those that no row reaches keep the start (texels of a light map may be filled instead).
+    pub x: Vec<Rgb>,
+    /// The elements that some row reaches, in increasing order.
+    pub columns: Vec<u32>,
     /// How the solve went.
     pub outcome: Outcome,
     /// λ of the regularizers.
@@ -40,22 +43,46 @@ pub trait Snapshot {
     /// The state to continue from.
     fn state(&mut self) -> Result<State>;
 
-    /// All texels as they are.
-    fn texels(&self) -> Result<Vec<Rgb>>;
+    /// All elements as they are.
+    fn elements(&self) -> Result<Vec<Rgb>>;
 }
 
-/// What a light-map problem is to a method.
+/// What a problem is to a method.
 pub type SystemOperator<'a, V = CpuVector> = Stacked<'a, V>;
 
-/// Minimizes `½ Σ w (T x − b)² + ½ Σ λᵢ ‖Rᵢ (x − x₀)‖², l ≤ x ≤ u` over the texels that painted rays reach.
+/// [`minimize`]s a light-map problem, and fills the texels that no painted ray reaches where that is asked for.
 ///
-/// `coverage` is diag(Tᵀ diag(w) T); texels where it is zero are not unknowns. `each` is called after every
-/// iteration.
-///
-/// Errors: [`Error::Value`] naming a setting, [`Error::NonFinite`] naming the texel, [`Error::Empty`] when no texel is
-/// reached, and what the method and `each` report.
+/// Errors: as [`minimize`]; [`Error::NonFinite`] names the texel.
 pub fn solve(
     problem: &LightMapProblem,
+    operator: &impl TransportOperator,
+    coverage: &CpuVector,
+    settings: &SolveSettings,
+    resumed: Option<Paused>,
+    each: impl FnMut(&History, &mut dyn Snapshot) -> Result<Control>,
+) -> Result<Solved> {
+    let formulation = problem.formulation(settings)?;
+    let mut solved = minimize(&formulation, operator, coverage, settings, resumed, each)?;
+    if let Some(index) = not_finite(&solved.x) {
+        let width = problem.maps.light_map.size[0];
+        let place = format!("texel ({}, {})", index % width, index / width);
+        return Err(Error::NonFinite { what: "the light map".to_owned(), place });
+    }
+    if settings.fill {
+        solved.x = fill(problem, &solved.columns, solved.x)?;
+    }
+    Ok(solved)
+}
+
+/// Minimizes `½ Σ w (T x − b)² + ½ Σ λᵢ ‖Rᵢ (x − x₀)‖², l ≤ x ≤ u` over the elements that some row reaches.
+///
+/// `coverage` is diag(Tᵀ diag(w) T); elements where it is zero are not unknowns. `each` is called after every
+/// iteration.
+///
+/// Errors: [`Error::Value`] naming a setting, [`Error::Empty`] when no element is reached, and what the method and `each`
+/// report. The elements may be infinite where the targets are; the caller can name them better.
+pub fn minimize(
+    problem: &Formulation,
     operator: &impl TransportOperator,
     coverage: &CpuVector,
     settings: &SolveSettings,
@@ -76,10 +103,9 @@ pub fn solve(
     let outcome = drive(&mut *method, &least_squares, beginning, &limits, |history, method| {
         each(history, &mut Moment { method, system: &system, problem })
     })?;
-    let light_map = finite(problem, system.all_texels(problem, method.solution())?)?;
-    let light_map = if settings.fill { fill(problem, system.columns(), light_map)? } else { light_map };
     Ok(Solved {
-        light_map,
+        x: system.all_elements(problem, method.solution())?,
+        columns: system.columns().to_vec(),
         outcome,
         weights: system.absolute_weights(),
         relative_weights: system.relative_weights(),
@@ -135,22 +161,15 @@ pub fn measure<V: Vector>(problem: &LeastSquares<SystemOperator<V>>, start: &V) 
     })
 }
 
-/// The light map, or an error that names the texel which is not a number.
-fn finite(problem: &LightMapProblem, light_map: Vec<Rgb>) -> Result<Vec<Rgb>> {
-    match light_map.iter().position(|texel| !texel.iter().all(|value| value.is_finite())) {
-        None => Ok(light_map),
-        Some(index) => {
-            let width = problem.maps.light_map.size[0];
-            let place = format!("texel ({}, {})", index % width, index / width);
-            Err(Error::NonFinite { what: "the light map".to_owned(), place })
-        }
-    }
+/// The first element that is not a number.
+pub(super) fn not_finite(elements: &[Rgb]) -> Option<usize> {
+    elements.iter().position(|element| !element.iter().all(|value| value.is_finite()))
 }
 
 struct Moment<'a, 'b, V: Indexed> {
     method: &'a mut (dyn Method<SystemOperator<'b, V>> + 'b),
     system: &'a System<'b, V>,
-    problem: &'a LightMapProblem,
+    problem: &'a Formulation<'a>,
 }
 
 impl<V: Indexed + 'static> Snapshot for Moment<'_, '_, V> {
@@ -158,7 +177,7 @@ impl<V: Indexed + 'static> Snapshot for Moment<'_, '_, V> {
         save(self.method)
     }
 
-    fn texels(&self) -> Result<Vec<Rgb>> {
-        self.system.all_texels(self.problem, self.method.solution())
+    fn elements(&self) -> Result<Vec<Rgb>> {
+        self.system.all_elements(self.problem, self.method.solution())
     }
 }

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::transport::{brought, fetched};
-use super::{Constraint, LightMapProblem, TransportOperator};
+use super::{Formulation, TransportOperator};
 use crate::cpu::Tiling;
 use crate::operator::{
     Blocks, Bounds, CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Metric, Neighbours,
@@ -31,7 +31,7 @@ pub struct System<'a, V: Indexed> {
     rhs: Blocks<V>,
     start: V,
     bounds: Bounds,
-    /// The texels that are unknown: those that a painted ray reaches.
+    /// The elements that are unknown: those that a row reaches.
     columns: Vec<u32>,
     /// What the rows are divided by.
     norm: f64,
@@ -44,13 +44,15 @@ pub struct System<'a, V: Indexed> {
 impl<'a, V: Indexed + 'static> System<'a, V> {
     /// The system with the weights that the settings ask for. `coverage` is diag(Tᵀ diag(w) T) of this problem.
     ///
-    /// Errors: [`Error::Value`] naming a setting or a constraint's weight, [`Error::Empty`] when no texel is reached.
+    /// Errors: [`Error::Value`] naming a setting or a row's weight, [`Error::Empty`] when no element is reached,
+    /// [`Error::Shape`].
     pub fn new(
-        problem: &LightMapProblem,
+        problem: &Formulation,
         operator: &'a impl TransportOperator<Vector = V>,
         coverage: &CpuVector,
         settings: &SolveSettings,
     ) -> Result<Self> {
+        problem.check()?;
         let mut system = Self::without_regularization(problem, operator, coverage, settings)?;
         let regularizers = system.regularizers(problem)?;
         system.weights = system.choose(settings, &regularizers)?;
@@ -75,12 +77,12 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         &self.operator
     }
 
-    /// x₀ of the unknown texels.
+    /// x₀ of the unknown elements.
     pub fn start(&self) -> &V {
         &self.start
     }
 
-    /// The texels that are unknown, in increasing order.
+    /// The elements that are unknown, in increasing order.
     pub fn columns(&self) -> &[u32] {
         &self.columns
     }
@@ -99,18 +101,10 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         }
     }
 
-    /// When to stop; the noise is relative to what is painted.
-    pub fn limits(&self, problem: &LightMapProblem, settings: &SolveSettings) -> Limits {
-        let discrepancy = settings.noise.map(|noise| {
-            let mut wanted = [0.0; 3];
-            for (row, pixel) in problem.constraints.iter().enumerate() {
-                let color = problem.wanted(row);
-                for c in 0..3 {
-                    wanted[c] += f64::from(pixel.weight) * f64::from(color[c]).powi(2);
-                }
-            }
-            wanted.map(|wanted| wanted * (noise / self.norm).powi(2))
-        });
+    /// When to stop; the noise is relative to what is wanted.
+    pub fn limits(&self, problem: &Formulation, settings: &SolveSettings) -> Limits {
+        let discrepancy =
+            settings.noise.map(|noise| problem.wanted.map(|wanted| wanted * (noise / self.norm).powi(2)));
         Limits {
             iterations: settings.iterations,
             tolerance: settings.tolerance,
@@ -119,24 +113,28 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         }
     }
 
-    /// All texels, given the unknown ones; the others keep the start, moved into the bounds.
-    pub fn all_texels(&self, problem: &LightMapProblem, x: &V) -> Result<Vec<Rgb>> {
-        let mut start = CpuVector(vec![problem.start]);
-        start.clamp(&self.bounds);
-        let mut texels = vec![start.0[0]; problem.maps.light_map.len()];
+    /// All elements, given the unknown ones; the others keep the start, moved into the bounds.
+    pub fn all_elements(&self, problem: &Formulation, x: &V) -> Result<Vec<Rgb>> {
+        let mut elements = CpuVector(problem.start.to_vec());
+        elements.clamp(&problem.bounds);
         let x = fetched(x)?;
-        self.columns.iter().zip(x).for_each(|(&column, value)| texels[column as usize] = value);
-        Ok(texels)
+        self.columns.iter().zip(x).for_each(|(&column, value)| elements.0[column as usize] = value);
+        Ok(elements.0)
     }
 
-    /// The unknown texels of all.
-    fn unknown(&self, texels: &[Rgb]) -> Result<V> {
-        let picked: Vec<Rgb> = self.columns.iter().map(|&column| texels[column as usize]).collect();
+    /// The unknown elements of all.
+    fn unknown(&self, elements: &[Rgb]) -> Result<V> {
+        let picked: Vec<Rgb> = self.columns.iter().map(|&column| elements[column as usize]).collect();
         brought(self.operator.domain(), &picked)
     }
 
+    /// How many unknowns come before an element.
+    fn unknowns_before(&self, element: usize) -> usize {
+        self.columns.partition_point(|&column| (column as usize) < element)
+    }
+
     fn without_regularization(
-        problem: &LightMapProblem,
+        problem: &Formulation,
         operator: &'a impl TransportOperator<Vector = V>,
         coverage: &CpuVector,
         settings: &SolveSettings,
@@ -144,25 +142,36 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         let columns = reached(coverage);
         if columns.is_empty() {
             return Err(Error::Empty {
-                reason: "the light of the painted pixels is too weak to be computed with".to_owned(),
-                remedy: "raise medium.sigma_t or medium.albedo",
+                reason: "the light of the pixels is too weak to be computed with".to_owned(),
+                remedy: problem.remedy,
             });
         }
         let norm = mean_squared_column_norm(coverage, columns.len()).sqrt();
-        let factor = |weight: f32| [(f64::from(weight).sqrt() / norm) as f32; 3];
-        let factors: Vec<Rgb> = problem.constraints.iter().map(|pixel| factor(pixel.weight)).collect();
+        let factor = |weight: f32| (f64::from(weight).sqrt() / norm) as f32;
+        let factors: Vec<Rgb> = problem.weights.iter().map(|weights| weights.map(factor)).collect();
         let factors = brought(operator.range(), &factors)?;
-        let weighted = Weighted::new(Restricted::new(operator, columns.clone())?, factors)?;
-        let mut start = weighted.domain();
-        start.fill(problem.start.map(f64::from));
-        let mut targets = brought(weighted.range(), &problem.targets)?;
-        weighted.weigh(&mut targets);
-        let [lower, upper] = settings.bounds;
+        let picked: Vec<Rgb> = columns.iter().map(|&column| problem.start.of(column as usize)).collect();
+        let start = brought(operator.domain().zeros(columns.len()), &picked)?;
+        // Where every element is unknown, there is nothing to leave out.
+        let (operator, targets) = if columns.len() == problem.start.len() {
+            weighted(operator, factors, problem.targets)?
+        } else {
+            weighted(Restricted::new(operator, columns.clone())?, factors, problem.targets)?
+        };
+        let bounds = if settings.solver.keeps_bounds() { problem.bounds } else { Bounds::NONE };
+        let bounds = match problem.bounds.parts(problem.start.len()) {
+            [_, (others, _)] if others.is_empty() => bounds,
+            [_, (others, [lower, upper])] if settings.solver.keeps_bounds() => {
+                let before = columns.partition_point(|&column| (column as usize) < others.start);
+                bounds.then(before, Bounds::new(lower, upper)?)
+            }
+            _ => bounds,
+        };
         Ok(Self {
-            operator: Stacked::new(weighted),
+            operator,
             rhs: Blocks(vec![targets]),
             start,
-            bounds: if settings.solver.keeps_bounds() { Bounds::new(lower, upper)? } else { Bounds::NONE },
+            bounds,
             columns,
             norm,
             weights: Weights::default(),
@@ -171,10 +180,19 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         })
     }
 
-    fn regularizers(&self, problem: &LightMapProblem) -> Result<Regularizers<V>> {
-        let neighbours = Arc::new(Neighbours::new(&problem.maps.light_map.size, &self.columns)?);
+    fn regularizers(&self, problem: &Formulation) -> Result<Regularizers<V>> {
+        let places: Vec<u32> = self.columns.iter().map(|&column| problem.lattice.place(column)).collect();
+        let neighbours = Arc::new(Neighbours::new(problem.lattice.size, &places)?);
+        // λ of an unknown, relative to that of the others.
+        let mut pulls = vec![1.0; self.columns.len()];
+        if let Some((element, pull)) = problem.steering {
+            pulls[self.unknowns_before(element)..].fill(pull);
+        }
+        let roots: Vec<Rgb> = pulls.iter().map(|pull: &f64| [pull.sqrt() as f32; 3]).collect();
+        let roots = brought(self.operator.domain(), &roots)?;
         Ok(Regularizers {
-            tikhonov: Identity::scaled(&self.start, [1.0; 3]),
+            tikhonov: Weighted::new(Identity::scaled(&self.start, [1.0; 3]), roots)?,
+            pulls,
             gradient: Gradient::new(neighbours.clone(), &self.start)?,
             laplacian: Laplacian::new(neighbours.clone(), &self.start)?,
             neighbours,
@@ -240,7 +258,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
     /// The metric of data and regularizers that the settings ask for.
     fn measure(
         &mut self,
-        problem: &LightMapProblem,
+        problem: &Formulation,
         operator: &impl TransportOperator<Vector = V>,
         coverage: &CpuVector,
         settings: &SolveSettings,
@@ -252,9 +270,13 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         let diagonal = match name {
             MetricName::None => return Ok(None),
             MetricName::Tiles => {
-                let tiling = Tiling::new(problem.maps.light_map.size, &self.columns);
-                let weight = |pixel: &Constraint| f64::from(pixel.weight) / square;
-                let weights: Vec<f64> = problem.constraints.iter().map(weight).collect();
+                let places: Vec<u32> =
+                    self.columns.iter().map(|&column| problem.lattice.place(column)).collect();
+                let tiling = Tiling::placed(problem.lattice.size, problem.start.len(), &self.columns, &places);
+                // One metric for all channels, so it majorizes each.
+                let weight = |weights: &Rgb| weights.iter().copied().fold(0.0, f32::max);
+                let weights: Vec<f64> =
+                    problem.weights.iter().map(|weights| f64::from(weight(weights)) / square).collect();
                 return operator.tile_metric(&tiling, &weights, &added).map(Some);
             }
             MetricName::Jacobi => {
@@ -282,7 +304,9 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
 
 /// The regularizers of one lattice of unknowns, without their weights.
 struct Regularizers<V: Indexed> {
-    tikhonov: Identity<V>,
+    tikhonov: Weighted<Identity<V>>,
+    /// λ of each unknown's pull towards its start, relative to [`Weights::tikhonov`].
+    pulls: Vec<f64>,
     gradient: Gradient<V>,
     laplacian: Laplacian<V>,
     neighbours: Arc<Neighbours>,
@@ -299,14 +323,26 @@ impl<V: Indexed> Regularizers<V> {
             }
             _ => (self.neighbours.gradient_majorizer(), self.neighbours.laplacian_majorizer()),
         };
-        let sum = |(gradient, laplacian): (f64, f64)| {
-            weights.tikhonov + weights.gradient * gradient + weights.laplacian * laplacian
+        let sum = |((gradient, laplacian), pull): ((f64, f64), &f64)| {
+            weights.tikhonov * pull + weights.gradient * gradient + weights.laplacian * laplacian
         };
-        of_gradient.into_iter().zip(of_laplacian).map(sum).collect()
+        of_gradient.into_iter().zip(of_laplacian).zip(&self.pulls).map(sum).collect()
     }
 }
 
-/// The elements that some painted ray reaches.
+/// The data's rows, each times the root of its weight, and their targets likewise.
+fn weighted<'a, V: Indexed + 'static>(
+    operator: impl LinearOperator<Domain = V, Range = V> + 'a,
+    factors: V,
+    targets: &[Rgb],
+) -> Result<(Stacked<'a, V>, V)> {
+    let weighted = Weighted::new(operator, factors)?;
+    let mut targets = brought(weighted.range(), targets)?;
+    weighted.weigh(&mut targets);
+    Ok((Stacked::new(weighted), targets))
+}
+
+/// The elements that some row reaches.
 fn reached(coverage: &CpuVector) -> Vec<u32> {
     let is_reached = |&(_, squares): &(usize, &Rgb)| squares.iter().any(|&value| value > 0.0);
     coverage.0.iter().enumerate().filter(is_reached).map(|(index, _)| index as u32).collect()

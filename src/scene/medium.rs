@@ -33,14 +33,9 @@ impl Medium {
         equal(self.sigma_t) && equal(self.albedo)
     }
 
-    /// Henyey–Greenstein phase function f(θ), in 1/steradian.
-    ///
-    /// `cosine` is between the direction in which light travels before and after the scattering.
-    /// Source: Henyey and Greenstein 1941, eq. 2; Klehm 2015, eq. 2.6.
+    /// Its phase function f(θ), in 1/steradian; see [`henyey_greenstein`].
     pub fn phase(&self, cosine: f64) -> f64 {
-        let g = self.g;
-        let denominator = (1.0 + g * g - 2.0 * g * cosine).max(0.0);
-        (1.0 - g * g) / (4.0 * std::f64::consts::PI * denominator * denominator.sqrt())
+        henyey_greenstein(self.g, cosine)
     }
 
     /// Transmittance e^{−σ_t t} a channel over `t` metres.
@@ -52,6 +47,15 @@ impl Medium {
     pub fn reach(&self, bound: f64) -> f64 {
         -bound.ln() / self.sigma_t[0].min(self.sigma_t[1]).min(self.sigma_t[2])
     }
+}
+
+/// Henyey–Greenstein phase function f(θ) with mean cosine `g`, in 1/steradian.
+///
+/// `cosine` is between the direction in which light travels before and after the scattering.
+/// Source: Henyey and Greenstein 1941, eq. 2; Klehm 2015, eq. 2.6.
+pub fn henyey_greenstein(g: f64, cosine: f64) -> f64 {
+    let denominator = (1.0 + g * g - 2.0 * g * cosine).max(0.0);
+    (1.0 - g * g) / (4.0 * std::f64::consts::PI * denominator * denominator.sqrt())
 }
 
 #[cfg(test)]

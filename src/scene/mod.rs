@@ -15,13 +15,15 @@ mod settings;
 mod shadow_map;
 mod strokes;
 mod view;
+mod volume;
+mod voxel_set;
 
 pub use camera::{Camera, FovAxis, Ray, look_at};
 pub use geometry::{Geometry, Hit};
 pub use grid::{Extent, Grid};
 pub use image::{Image, RgbaImage};
 pub use light::{DirectionalLight, LightFrame};
-pub use medium::Medium;
+pub use medium::{Medium, henyey_greenstein};
 pub use mesh::{AlphaMask, Material, Mesh, Wrap};
 pub use primitive::Primitive;
 pub use settings::{
@@ -31,6 +33,8 @@ pub use settings::{
 pub use shadow_map::ShadowMap;
 pub use strokes::Stroke;
 pub use view::View;
+pub use volume::{Interpolation, Samples, Volume, VoxelGrid};
+pub use voxel_set::{BRICK, VoxelSet};
 
 /// One colour or one value a channel: linear Rec. 709.
 pub type Rgb = [f32; 3];

@@ -96,8 +96,8 @@ fn solved(problem: &LightMapProblem, operator: &impl TransportOperator, scene: &
     let solved =
         solve(problem, operator, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue)).unwrap();
     let shown =
-        Assessor::new(problem, operator).unwrap().assess(&solved.light_map, scene.views.len()).unwrap();
-    let start = vec![problem.start; solved.light_map.len()];
+        Assessor::new(problem, operator).unwrap().assess(&solved.x, scene.views.len()).unwrap();
+    let start = vec![problem.start; solved.x.len()];
     let before = Assessor::new(problem, operator).unwrap().assess(&start, scene.views.len()).unwrap();
     (solved, shown.all.residual.powi(2) / before.all.residual.powi(2))
 }
@@ -122,7 +122,7 @@ fn compare(scene: &Scene, problem: &LightMapProblem, gpu: &Gpu) -> [f64; 2] {
     let (here, objective) = solved(problem, &problem.operator(scene, u64::MAX).unwrap(), scene);
     let (there, its_objective) = solved(problem, &on_device(scene, problem, gpu, false), scene);
     assert_eq!(here.outcome.stop, there.outcome.stop);
-    [apart(&there.light_map, &here.light_map), (its_objective / objective - 1.0).abs()]
+    [apart(&there.x, &here.x), (its_objective / objective - 1.0).abs()]
 }
 
 #[test]
@@ -147,7 +147,7 @@ fn another_medium_is_noticed() {
     let (problem, other) = (LightMapProblem::new(&scene).unwrap(), LightMapProblem::new(&thicker).unwrap());
     let (here, _) = solved(&problem, &problem.operator(&scene, u64::MAX).unwrap(), &scene);
     let (there, _) = solved(&other, &on_device(&thicker, &other, &gpu(), false), &thicker);
-    assert!(apart(&there.light_map, &here.light_map) > DEVICE_LIGHT_MAP);
+    assert!(apart(&there.x, &here.x) > DEVICE_LIGHT_MAP);
 }
 
 /// A demo scene of few texels and some of its painted pixels, for eight iterations. Methods of conjugate gradients lose
@@ -200,7 +200,7 @@ fn ten_deterministic_runs_give_the_same_bytes() {
     let run = || {
         let operator = on_device(&scene, &problem, &gpu, true);
         assert!(operator.is_deterministic());
-        solved(&problem, &operator, &scene).0.light_map
+        solved(&problem, &operator, &scene).0.x
     };
     let bits = |map: Vec<Rgb>| map.iter().flatten().map(|value| value.to_bits()).collect::<Vec<_>>();
     let first = bits(run());
@@ -253,7 +253,7 @@ fn a_device_that_is_lost_is_an_error_and_the_state_before_is_worth_something() {
     let resumed =
         solve(&problem, &here, &coverage, &scene.solve, kept, |_, _| Ok(Control::Continue)).unwrap();
     let whole = solve(&problem, &here, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue)).unwrap();
-    assert!(apart(&resumed.light_map, &whole.light_map) <= DEVICE_LIGHT_MAP);
+    assert!(apart(&resumed.x, &whole.x) <= DEVICE_LIGHT_MAP);
 }
 
 #[test]
@@ -263,7 +263,7 @@ fn what_exceeds_a_binding_is_taken_in_slabs_and_what_exceeds_the_memory_is_refus
     let whole = solved(&problem, &on_device(&scene, &problem, &gpu(), false), &scene);
     // A channel of the light map takes 36 KiB, the shadow map 256 KiB, the rows more.
     let sliced = solved(&problem, &on_device(&scene, &problem, &narrow(300 << 10), false), &scene);
-    assert!(apart(&sliced.0.light_map, &whole.0.light_map) <= DEVICE_LIGHT_MAP);
+    assert!(apart(&sliced.0.x, &whole.0.x) <= DEVICE_LIGHT_MAP);
     let crowded = open(Choice { fault: Some(gpu::Fault::Memory), ..Choice::default() });
     let refused = GpuLightMapOperator::new(&crowded, &problem, Strategy::Assembled, u64::MAX, false);
     assert!(matches!(&refused, Err(Error::AdapterMemory { .. })), "{refused:?}");

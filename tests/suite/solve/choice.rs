@@ -76,7 +76,11 @@ fn their_majorizers_are_the_sums_of_absolute_values() {
         let sums = absolute.transpose() * absolute.column_sum();
         assert_eq!(sums.as_slice(), diagonal);
     }
-    assert!(Neighbours::new(&[4, 3], &[12]).is_err());
+    for outside_or_twice in [&[24][..], &[3, 3]] {
+        assert!(Neighbours::new(&[4, 3], outside_or_twice).is_err());
+    }
+    let copies = Neighbours::new(&[4, 3], &[11, 12, 13]).unwrap();
+    assert_eq!((copies.edges(), copies.degrees()), (1, vec![0, 1, 1]), "copies are no neighbours");
     let volume = Neighbours::new(&[2, 2, 2], &[0, 1, 2, 3, 4, 5, 6, 7]).unwrap();
     assert_eq!((volume.edges(), volume.degrees()), (12, vec![3; 8]));
     let mut picked = CpuVector::<f64>::zeros(2);

@@ -146,7 +146,7 @@ fn within_bounds_the_solution_is_kept_and_the_certificate_is_true() {
             let limits = Limits::new(20_000, 1e-10);
             let outcome = drive(&mut *method, &problem, Beginning::At(&start), &limits, |_, method| {
                 for x in &method.solution().0 {
-                    assert!((0..3).all(|c| bounds.lower()[c] <= x[c] && x[c] <= bounds.upper()[c]));
+                    assert!((0..3).all(|c| bounds.of(0)[0][c] <= x[c] && x[c] <= bounds.of(0)[1][c]));
                 }
                 Ok(Control::Continue)
             })
@@ -160,8 +160,8 @@ fn within_bounds_the_solution_is_kept_and_the_certificate_is_true() {
             dense.apply_adjoint(&r, &mut g).unwrap();
             for (x, g) in method.solution().0.iter().zip(&g.0) {
                 for c in 0..3 {
-                    let held_low = x[c] == bounds.lower()[c] && g[c] >= 0.0;
-                    let held_high = x[c] == bounds.upper()[c] && g[c] <= 0.0;
+                    let held_low = x[c] == bounds.of(0)[0][c] && g[c] >= 0.0;
+                    let held_high = x[c] == bounds.of(0)[1][c] && g[c] <= 0.0;
                     assert!(held_low || held_high || g[c].abs() < 1e-8, "{} {x:?} {g:?}", method.name());
                 }
             }

@@ -131,7 +131,7 @@ fn a_step_stays_inside_and_leads_down() {
         let matrix = explicit(&metric, columns.len(), channel);
         let change = column(&g).dot(&d) + 0.5 * norm[channel] * d.dot(&(matrix * &d));
         assert!(change <= 0.0 && (channel == 2 || change < 0.0), "{channel}: {change}");
-        let (low, high) = (bounds.lower()[channel], bounds.upper()[channel]);
+        let (low, high) = (bounds.of(0)[0][channel], bounds.of(0)[1][channel]);
         assert!(x.0.iter().all(|x| low <= x[channel] && x[channel] <= high));
     }
 }

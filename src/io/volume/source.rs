@@ -1,0 +1,99 @@
+//! What the readers of all formats share: errors that name the file, and the limits of a volume.
+
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::Path;
+
+use glam::DAffine3;
+
+use super::{Format, MAX_VOXELS, Stored};
+use crate::io::npy::Fault;
+use crate::scene::{Samples, Volume, VoxelGrid};
+use crate::{Error, Result};
+
+/// A file that a volume is read from.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'p> {
+    pub(super) path: &'p Path,
+    pub(super) format: Format,
+}
+
+impl Source<'_> {
+    /// The file and its length in bytes.
+    pub(super) fn open(self) -> Result<(BufReader<File>, u64)> {
+        // Asked for before it is opened, as opening a pipe waits for someone to write into it.
+        let about = std::fs::metadata(self.path).map_err(|source| self.refused(source))?;
+        if !about.is_file() {
+            return Err(self.wrong("it is a folder or a device"));
+        }
+        let file = File::open(self.path).map_err(|source| self.refused(source))?;
+        Ok((BufReader::with_capacity(1 << 16, file), about.len()))
+    }
+
+    /// The file is not what it should be.
+    pub(super) fn wrong(self, reason: impl Into<String>) -> Error {
+        Error::Format { path: self.path.to_owned(), format: self.format.name(), reason: reason.into() }
+    }
+
+    /// Reading has stopped: at the end of the file, at damaged content, or because the system refuses.
+    pub(super) fn stopped(self, source: io::Error) -> Error {
+        match source.kind() {
+            io::ErrorKind::UnexpectedEof => self.wrong("it ends too early"),
+            io::ErrorKind::OutOfMemory => self.refused(source),
+            _ if source.raw_os_error().is_some() => self.refused(source),
+            _ => self.wrong(format!("it is damaged: {source}")),
+        }
+    }
+
+    /// An array in it cannot be read.
+    pub(super) fn faulty(self, fault: Fault) -> Error {
+        match fault {
+            Fault::Read(source) => self.stopped(source),
+            Fault::Content(reason) => self.wrong(reason),
+        }
+    }
+
+    fn refused(self, source: io::Error) -> Error {
+        Error::File { action: "read", path: self.path.to_owned(), source }
+    }
+
+    /// How many numbers a volume has. `size` is x, y, z.
+    pub(super) fn count(self, size: [usize; 3], channels: usize) -> Result<usize> {
+        const MAX_SIDE: usize = VoxelGrid::MAX_SIDE;
+        let [x, y, z] = size;
+        if size.iter().any(|side| !(1..=MAX_SIDE).contains(side)) {
+            return Err(self.wrong(format!("its size is {x} × {y} × {z}, and sides go from 1 to {MAX_SIDE}")));
+        }
+        if x * y * z > MAX_VOXELS {
+            let voxels = x * y * z;
+            return Err(self.wrong(format!("it has {voxels} voxels, and {MAX_VOXELS} are the most")));
+        }
+        if channels != 1 && channels != 3 {
+            return Err(self.wrong(format!("it has {channels} channels instead of 1 (grey) or 3 (RGB)")));
+        }
+        Ok(x * y * z * channels)
+    }
+
+    /// The volume of these numbers, in the unit cube unless `world_from_grid` puts it elsewhere.
+    pub(super) fn volume(
+        self,
+        size: [usize; 3],
+        channels: usize,
+        samples: Samples,
+        world_from_grid: Option<DAffine3>,
+    ) -> Result<Stored> {
+        let grid = match world_from_grid {
+            Some(world_from_grid) => VoxelGrid::new(size, world_from_grid),
+            None => VoxelGrid::over_cube(size, DAffine3::IDENTITY),
+        };
+        let volume = grid.and_then(|grid| Volume::new(grid, channels, samples));
+        let volume = volume.map_err(|error| match error {
+            Error::NonFinite { place, .. } => self.wrong(format!("{place} is not a finite 32-bit number")),
+            Error::Value { value, expected, .. } => {
+                self.wrong(format!("it has {value}, where it must be {expected}"))
+            }
+            other => self.wrong(other.to_string()),
+        })?;
+        Ok(Stored { volume, placed: world_from_grid.is_some() })
+    }
+}

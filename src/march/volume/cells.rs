@@ -1,0 +1,148 @@
+//! A ray through the cells of a voxel grid, brick by brick.
+
+use std::ops::ControlFlow;
+
+use glam::DVec3;
+
+use crate::scene::{BRICK, VoxelGrid, VoxelSet};
+
+/// A straight piece of a view ray in world space: t runs in metres from the origin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Line {
+    pub(super) origin: DVec3,
+    /// Unit direction.
+    pub(super) direction: DVec3,
+}
+
+/// A line in cells: each coordinate is affine in t.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CellRay {
+    origin: [f64; 3],
+    slope: [f64; 3],
+    /// 1 / slope, infinite where the slope is zero.
+    inverse: [f64; 3],
+}
+
+impl CellRay {
+    /// The line in cells that are shifted by `shift` against the voxels of a grid.
+    pub(super) fn new(line: &Line, grid: &VoxelGrid, shift: f64) -> Self {
+        let origin = grid.grid_from_world().transform_point3(line.origin) + shift;
+        let slope = grid.grid_from_world().transform_vector3(line.direction);
+        Self::of(origin.to_array(), slope.to_array())
+    }
+
+    fn of(origin: [f64; 3], slope: [f64; 3]) -> Self {
+        // A coordinate that does not change never crosses: infinite for zero of either sign.
+        let inverse = slope.map(|slope| if slope == 0.0 { f64::INFINITY } else { slope.recip() });
+        Self { origin, slope, inverse }
+    }
+
+    /// The same in bricks.
+    fn coarse(&self) -> Self {
+        let part = (BRICK as f64).recip();
+        Self::of(self.origin.map(|x| x * part), self.slope.map(|x| x * part))
+    }
+
+    /// Position in cells.
+    #[inline(always)]
+    pub(super) fn at(&self, t: f64) -> [f64; 3] {
+        std::array::from_fn(|axis| self.origin[axis] + self.slope[axis] * t)
+    }
+
+
+    /// The part of [a, b] between `low` and `high` on every axis.
+    pub(super) fn clip(&self, low: f64, high: [f64; 3], a: f64, b: f64) -> Option<[f64; 2]> {
+        let (mut a, mut b) = (a, b);
+        for axis in 0..3 {
+            if self.slope[axis] == 0.0 {
+                if self.origin[axis] < low || self.origin[axis] >= high[axis] {
+                    return None;
+                }
+            } else {
+                let to = |edge: f64| (edge - self.origin[axis]) * self.inverse[axis];
+                let (near, far) = (to(low), to(high[axis]));
+                a = a.max(near.min(far));
+                b = b.min(near.max(far));
+            }
+        }
+        (a < b).then_some([a, b])
+    }
+
+    /// Visits the pieces of [a, b] in cells of the set's bricks that are not empty, in order: the cell, and where the piece
+    /// begins and ends. Every cell comes at most once.
+    #[inline(always)]
+    pub(super) fn pieces(
+        &self,
+        set: &VoxelSet,
+        a: f64,
+        b: f64,
+        mut visit: impl FnMut([usize; 3], f64, f64) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let last = set.size().map(|side| side - 1);
+        let last_brick = set.bricks().map(|side| side - 1);
+        self.coarse().walk([0; 3], last_brick, a, b, |brick, a, b| {
+            if set.is_brick_empty(brick) {
+                return ControlFlow::Continue(());
+            }
+            let low = brick.map(|i| i * BRICK);
+            let high = std::array::from_fn(|axis| (low[axis] + BRICK - 1).min(last[axis]));
+            self.walk(low, high, a, b, &mut visit)
+        })
+    }
+
+    /// Visits the pieces of [a, b] in the cells from `low` to `high`, in order (Amanatides and Woo 1987).
+    ///
+    /// Every crossing is computed from its own grid plane, so rounding does not add up along the ray; and none leads out of
+    /// the box, so that a cell belongs to one brick whatever the rounding.
+    #[inline(always)]
+    pub(super) fn walk(
+        &self,
+        low: [usize; 3],
+        high: [usize; 3],
+        a: f64,
+        b: f64,
+        mut visit: impl FnMut([usize; 3], f64, f64) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        // The cast rounds towards zero, and takes what rounding has put before the first cell to it.
+        let mut cell: [usize; 3] =
+            std::array::from_fn(|axis| (self.at_axis(axis, a) as usize).clamp(low[axis], high[axis]));
+        let ahead = self.slope.map(|slope| slope > 0.0);
+        let onwards = ahead.map(|ahead| if ahead { 1 } else { usize::MAX });
+        let crossing = |cell: usize, axis: usize| {
+            if self.slope[axis] == 0.0 {
+                return f64::INFINITY;
+            }
+            ((cell + usize::from(ahead[axis])) as f64 - self.origin[axis]) * self.inverse[axis]
+        };
+        let mut next: [f64; 3] = std::array::from_fn(|axis| crossing(cell[axis], axis));
+        let mut t = a;
+        loop {
+            let axis = if next[0] <= next[1] {
+                if next[0] <= next[2] { 0 } else { 2 }
+            } else if next[1] <= next[2] {
+                1
+            } else {
+                2
+            };
+            let end = if next[axis] < b { next[axis] } else { b };
+            if end > t {
+                visit(cell, t, end)?;
+                t = end;
+            }
+            if end >= b {
+                return ControlFlow::Continue(());
+            }
+            cell[axis] = cell[axis].wrapping_add(onwards[axis]);
+            // Only rounding leads out of the box before b, by less than it can resolve.
+            if cell[axis] < low[axis] || cell[axis] > high[axis] {
+                return ControlFlow::Continue(());
+            }
+            next[axis] = crossing(cell[axis], axis);
+        }
+    }
+
+    #[inline(always)]
+    fn at_axis(&self, axis: usize, t: f64) -> f64 {
+        self.origin[axis] + self.slope[axis] * t
+    }
+}

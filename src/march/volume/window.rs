@@ -1,0 +1,173 @@
+//! The basis functions of a volume, sampled along a ray and gathered into one weight a voxel.
+
+use super::super::Weight;
+use super::super::basis::add;
+
+/// A basis that takes samples of a ray in order and visits each voxel once, when the ray has left it.
+///
+/// The support of every basis function is convex, so a straight ray is inside it without interruption.
+pub(super) trait Window<const C: usize> {
+    /// How far cells are shifted against voxels, and how many more there are a side.
+    const SHIFT: f64;
+    /// Cells beyond the number of voxels.
+    const EXTRA: usize;
+    /// Whether v is constant inside a cell.
+    const CONSTANT: bool;
+
+    fn new(size: [usize; 3]) -> Self;
+
+    /// Adds `weight · v` for every basis function v, at position `at` (in cells) inside `cell`.
+    fn sample(
+        &mut self,
+        cell: [usize; 3],
+        at: [f64; 3],
+        weight: Weight<f64, C>,
+        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+    );
+
+    /// Visits what is left at the end of a ray.
+    fn finish(self, visit: &mut impl FnMut([usize; 3], Weight<f64, C>));
+}
+
+/// Constant in each voxel.
+pub(super) struct Nearest<const C: usize> {
+    voxel: [usize; 3],
+    weight: Weight<f64, C>,
+}
+
+impl<const C: usize> Window<C> for Nearest<C> {
+    const SHIFT: f64 = 0.0;
+    const EXTRA: usize = 0;
+    const CONSTANT: bool = true;
+
+    fn new(_size: [usize; 3]) -> Self {
+        Self { voxel: [usize::MAX; 3], weight: [0.0; C] }
+    }
+
+    #[inline(always)]
+    fn sample(
+        &mut self,
+        cell: [usize; 3],
+        _at: [f64; 3],
+        weight: Weight<f64, C>,
+        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+    ) {
+        if cell == self.voxel {
+            return add(&mut self.weight, weight);
+        }
+        if is_positive(self.weight) {
+            visit(self.voxel, self.weight);
+        }
+        (self.voxel, self.weight) = (cell, weight);
+    }
+
+    #[inline(always)]
+    fn finish(self, visit: &mut impl FnMut([usize; 3], Weight<f64, C>)) {
+        if is_positive(self.weight) {
+            visit(self.voxel, self.weight);
+        }
+    }
+}
+
+/// Trilinear between voxel centres, constant beyond the outermost ones.
+///
+/// Cell (i, j, k) lies between voxels i − 1 and i, and so on; the first and the last along an axis are half outside the
+/// grid, where only the inner voxel counts.
+pub(super) struct Trilinear<const C: usize> {
+    size: [usize; 3],
+    cell: [usize; 3],
+    /// Weights of the eight voxels around; x in the lowest bit of the place, then y, then z.
+    taps: [Weight<f64, C>; 8],
+}
+
+impl<const C: usize> Trilinear<C> {
+    /// Moves the window over `cell`, visits the voxels that it leaves and keeps the others.
+    #[inline(always)]
+    fn move_to(&mut self, cell: [usize; 3], visit: &mut impl FnMut([usize; 3], Weight<f64, C>)) {
+        if cell == self.cell {
+            return;
+        }
+        let moved: [isize; 3] = std::array::from_fn(|axis| cell[axis] as isize - self.cell[axis] as isize);
+        let old = std::mem::replace(&mut self.taps, [[0.0; C]; 8]);
+        for (tap, weight) in old.into_iter().enumerate() {
+            let place = offsets(tap, moved);
+            if place.iter().all(|offset| (0..2).contains(offset)) {
+                self.taps[(place[2] * 4 + place[1] * 2 + place[0]) as usize] = weight;
+            } else {
+                self.leave(tap, weight, visit);
+            }
+        }
+        self.cell = cell;
+    }
+
+    #[inline(always)]
+    fn leave(
+        &self,
+        tap: usize,
+        weight: Weight<f64, C>,
+        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+    ) {
+        // A weight is zero where its voxel would be outside.
+        if is_positive(weight) {
+            let voxel = offsets(tap, [1; 3]);
+            visit(std::array::from_fn(|axis| self.cell[axis].wrapping_add_signed(voxel[axis])), weight);
+        }
+    }
+}
+
+impl<const C: usize> Window<C> for Trilinear<C> {
+    const SHIFT: f64 = 0.5;
+    const EXTRA: usize = 1;
+    const CONSTANT: bool = false;
+
+    fn new(size: [usize; 3]) -> Self {
+        Self { size, cell: [0; 3], taps: [[0.0; C]; 8] }
+    }
+
+    #[inline(always)]
+    fn sample(
+        &mut self,
+        cell: [usize; 3],
+        at: [f64; 3],
+        weight: Weight<f64, C>,
+        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+    ) {
+        self.move_to(cell, visit);
+        let parts = parts(cell, at, self.size);
+        for (tap, part) in self.taps.iter_mut().zip(parts) {
+            add(tap, weight.map(|value| value * part));
+        }
+    }
+
+    #[inline(always)]
+    fn finish(self, visit: &mut impl FnMut([usize; 3], Weight<f64, C>)) {
+        for (tap, &weight) in self.taps.iter().enumerate() {
+            self.leave(tap, weight, visit);
+        }
+    }
+}
+
+/// What the eight voxels around a position in a cell count for, exactly zero for those outside; they sum to 1.
+#[inline(always)]
+pub(super) fn parts(cell: [usize; 3], at: [f64; 3], size: [usize; 3]) -> [f64; 8] {
+    let fraction: [f64; 3] = std::array::from_fn(|axis| match cell[axis] {
+        0 => 1.0,
+        last if last == size[axis] => 0.0,
+        index => (at[axis] - index as f64).clamp(0.0, 1.0),
+    });
+    std::array::from_fn(|tap| {
+        let side = |axis: usize| if tap >> axis & 1 == 1 { fraction[axis] } else { 1.0 - fraction[axis] };
+        side(0) * side(1) * side(2)
+    })
+}
+
+/// Where the voxel of a tap stands, less `moved`.
+#[inline(always)]
+fn offsets(tap: usize, moved: [isize; 3]) -> [isize; 3] {
+    std::array::from_fn(|axis| (tap >> axis & 1) as isize - moved[axis])
+}
+
+#[inline(always)]
+fn is_positive<const C: usize>(weight: Weight<f64, C>) -> bool {
+    weight.iter().any(|&value| value > 0.0)
+}

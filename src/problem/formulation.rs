@@ -1,0 +1,101 @@
+use std::borrow::Cow;
+
+use crate::operator::{Bounds, Scalars};
+use crate::scene::{Rgb, SolveSettings};
+use crate::{Error, Result};
+
+/// A least-squares problem in pictures, whatever is looked for: `min ½ Σ w (T x − b)² + regularizers, l ≤ x ≤ u`.
+#[derive(Debug, Clone)]
+pub struct Formulation<'a> {
+    /// b of each row.
+    pub targets: &'a [Rgb],
+    /// w of each row.
+    pub weights: Cow<'a, [Rgb]>,
+    /// Σ w L², L what the rows should show, all told: what noise is relative to.
+    pub wanted: Scalars,
+    /// x₀, which the regularizers pull to and elements keep that no row reaches.
+    pub start: Start<'a>,
+    /// Where the elements lie.
+    pub lattice: Lattice<'a>,
+    /// l and u of the elements.
+    pub bounds: Bounds,
+    /// What the pull towards the start is multiplied by for elements from some index on.
+    pub steering: Option<(usize, f64)>,
+    /// What a person can do when the rows are too dark to be computed with.
+    pub remedy: &'static str,
+}
+
+/// x₀.
+#[derive(Debug, Clone, Copy)]
+pub enum Start<'a> {
+    /// The same for so many elements.
+    Everywhere(Rgb, usize),
+    /// One an element.
+    Each(&'a [Rgb]),
+}
+
+impl Start<'_> {
+    /// The number of elements.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Everywhere(_, len) => *len,
+            Self::Each(start) => start.len(),
+        }
+    }
+
+    /// Whether there is no element.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// x₀ of an element.
+    pub fn of(&self, element: usize) -> Rgb {
+        match self {
+            Self::Everywhere(start, _) => *start,
+            Self::Each(start) => start[element],
+        }
+    }
+
+    /// x₀ of all elements.
+    pub fn to_vec(&self) -> Vec<Rgb> {
+        (0..self.len()).map(|element| self.of(element)).collect()
+    }
+}
+
+/// Where elements lie side by side.
+#[derive(Debug, Clone, Copy)]
+pub struct Lattice<'a> {
+    /// Places along each axis, the first running fastest; two quantities are two such lattices, one behind the other.
+    pub size: &'a [usize],
+    /// The place of each element; none where they are the places in order.
+    pub places: Option<&'a [u32]>,
+}
+
+impl Lattice<'_> {
+    /// The place of an element.
+    pub fn place(&self, element: u32) -> u32 {
+        self.places.map_or(element, |places| places[element as usize])
+    }
+}
+
+impl Formulation<'_> {
+    /// The bounds that settings ask for, for a solver that keeps any.
+    ///
+    /// Errors: [`Error::Value`] naming `lower` or `upper`.
+    pub fn bounds_of(settings: &SolveSettings) -> Result<Bounds> {
+        let [lower, upper] = settings.bounds;
+        if settings.solver.keeps_bounds() { Bounds::new(lower, upper) } else { Ok(Bounds::NONE) }
+    }
+
+    /// Errors: [`Error::Shape`] when its parts do not belong together.
+    pub(super) fn check(&self) -> Result<()> {
+        let same = |what, expected: usize, got: usize| {
+            if expected == got { Ok(()) } else { Err(Error::Shape { what, expected, got }) }
+        };
+        same("the weights", self.targets.len(), self.weights.len())?;
+        match self.lattice.places {
+            Some(places) => same("the places of the elements", self.start.len(), places.len()),
+            None => Ok(()),
+        }
+    }
+}
