@@ -21,10 +21,13 @@ fn main() -> unscatter::Result<()> {
     let asked: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
     for dense in [false, true] {
         for basis in [Interpolation::Nearest, Interpolation::Trilinear] {
-            let names = [if dense { "dense" } else { "sparse" }, match basis {
-                Interpolation::Nearest => "nearest",
-                Interpolation::Trilinear => "trilinear",
-            }];
+            let names = [
+                if dense { "dense" } else { "sparse" },
+                match basis {
+                    Interpolation::Nearest => "nearest",
+                    Interpolation::Trilinear => "trilinear",
+                },
+            ];
             if asked.iter().all(|word| names.contains(&word.as_str())) {
                 measure(dense, basis, &names.join(" "))?;
             }
@@ -41,13 +44,16 @@ fn measure(dense: bool, basis: Interpolation, name: &str) -> unscatter::Result<(
     let volume = Arc::new(volume(dense)?);
     let clock = Instant::now();
     let density = Arc::new(Density::new(volume.clone(), basis));
-    let pixels: Vec<[u32; 2]> =
-        (0..2).flat_map(|view| (0..(PICTURE * PICTURE) as u32).map(move |n| {
-            let (tile, inside) = (n / 64, n % 64);
-            let across = (PICTURE / 8) as u32;
-            let (x, y) = (tile % across * 8 + inside % 8, tile / across * 8 + inside / 8);
-            [view, y * PICTURE as u32 + x]
-        })).collect();
+    let pixels: Vec<[u32; 2]> = (0..2)
+        .flat_map(|view| {
+            (0..(PICTURE * PICTURE) as u32).map(move |n| {
+                let (tile, inside) = (n / 64, n % 64);
+                let across = (PICTURE / 8) as u32;
+                let (x, y) = (tile % across * 8 + inside % 8, tile / across * 8 + inside / 8);
+                [view, y * PICTURE as u32 + x]
+            })
+        })
+        .collect();
     let rays = PixelRays::new(cameras.into(), pixels, Vec::new().into());
     let transport = VolumeTransport {
         density,
@@ -97,7 +103,8 @@ fn median(mut work: impl FnMut() -> unscatter::Result<()>) -> unscatter::Result<
 
 /// A blob with waves on it, 18 % of the cube from −1 to 1, or dense everywhere.
 fn volume(dense: bool) -> unscatter::Result<Volume> {
-    let cube = DAffine3::from_scale_rotation_translation(DVec3::splat(2.0), glam::DQuat::IDENTITY, DVec3::NEG_ONE);
+    let cube =
+        DAffine3::from_scale_rotation_translation(DVec3::splat(2.0), glam::DQuat::IDENTITY, DVec3::NEG_ONE);
     let grid = VoxelGrid::over_cube([SIDE; 3], cube)?;
     let sigma_t = |index: usize| {
         let p = grid.centre(grid.voxel(index));

@@ -65,7 +65,8 @@ pub(crate) fn print(scene: &Scene, problem: &LightMapProblem, most: f64) {
     let coverage = operator.squares(&problem.weights()).unwrap();
     let mut settings = scene.solve.clone();
     settings.solver = SolverName::Cgls;
-    let system = System::new(&problem.formulation(&settings).unwrap(), &operator, &coverage, &settings).unwrap();
+    let system =
+        System::new(&problem.formulation(&settings).unwrap(), &operator, &coverage, &settings).unwrap();
     let least_squares = system.problem();
     let reference = measure(&least_squares, system.start()).unwrap();
     let o = system.operator();

@@ -51,7 +51,8 @@ fn run(scene: &Scene, problem: &LightMapProblem, race: &Race) -> Course {
     settings.solver = race.solver;
     settings.metric = race.metric;
     let clock = Instant::now();
-    let system = System::new(&problem.formulation(&settings).unwrap(), &operator, &coverage, &settings).unwrap();
+    let system =
+        System::new(&problem.formulation(&settings).unwrap(), &operator, &coverage, &settings).unwrap();
     let set_up = clock.elapsed().as_secs_f64();
     let least_squares = system.problem();
     let reference = measure(&least_squares, system.start()).unwrap();

@@ -59,8 +59,8 @@ pub fn light_volume(
     })
 }
 
-/// The voxels of a grid whose value is asked for somewhere in the medium.
-fn near_medium(density: &Density, grid: &VoxelGrid) -> VoxelSet {
+/// The voxels of a grid whose value is asked for somewhere in a medium: those that it overlaps, and half a voxel around.
+pub fn near_medium(density: &Density, grid: &VoxelGrid) -> VoxelSet {
     let (shift, _) = density.interpolation().cells();
     let from_medium = *grid.grid_from_world() * *density.grid().world_from_grid();
     let size = grid.size();

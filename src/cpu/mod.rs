@@ -6,13 +6,11 @@
 
 mod bands;
 mod lighting;
-mod reach;
 mod rows;
 mod tiles;
 mod transport;
 
-pub use lighting::{Beam, light_volume};
-pub use reach::reached;
+pub use lighting::{Beam, light_volume, near_medium};
 pub use tiles::{Rows, TileMetric, Tiling};
 pub(crate) use transport::gather;
 pub use transport::{Storage, Transport, WalkPlan};

@@ -448,7 +448,24 @@ mod tests {
                 kernel,
                 "VectorParams",
                 layout::VectorParams,
-                [len, stride, channel, other_first, other_len, other_stride, again, results, then, pad0, pad1, pad2, a, b, then_a, then_b]
+                [
+                    len,
+                    stride,
+                    channel,
+                    other_first,
+                    other_len,
+                    other_stride,
+                    again,
+                    results,
+                    then,
+                    pad0,
+                    pad1,
+                    pad2,
+                    a,
+                    b,
+                    then_a,
+                    then_b
+                ]
             );
         }
         same_layout!(
@@ -501,6 +518,11 @@ mod tests {
             [rows, y_first, y_stride, channel, x_stride, nonzeros, pad0, pad1]
         );
         let tiles = Kernel::Tiles { colored: false, channels: 3, operation: TileOperation::Descend };
-        same_layout!(tiles, "Tiles", layout::Tiles, [tiles, stride, channel, then, lower, upper, then_lower, then_upper, shorter]);
+        same_layout!(
+            tiles,
+            "Tiles",
+            layout::Tiles,
+            [tiles, stride, channel, then, lower, upper, then_lower, then_upper, shorter]
+        );
     }
 }

@@ -151,10 +151,8 @@ impl GpuVector {
         for slab in slabs {
             let count = count(&slab);
             let bindings = [results.clone(), first.binding(slab), second.binding(slab)];
-            let params = VectorParams {
-                results: begin,
-                ..first.params(slab).within(bounds, first.len, slab)
-            };
+            let params =
+                VectorParams { results: begin, ..first.params(slab).within(bounds, first.len, slab) };
             gpu.dispatch(kernel, &params, &[&bindings], [count, slab.channels]);
             pieces.push(Pieces { begin, channel: slab.channel, channels: slab.channels, count });
             begin += slab.channels * count;

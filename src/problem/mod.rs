@@ -16,6 +16,7 @@ mod solution;
 mod surfaces;
 mod system;
 mod transport;
+mod volume;
 
 pub use assess::{Assessment, Assessor, Match};
 pub use constraints::{Constraint, constraints};
@@ -23,14 +24,15 @@ pub use extents::{Maps, fit};
 pub use formulation::{Formulation, Lattice, Start};
 #[cfg(feature = "gpu")]
 pub use gpu::GpuLightMapOperator;
+use light_map::luminance;
+
 pub use light_map::LightMapProblem;
 pub use painting::paint;
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;
 pub use render::{Rendering, render};
-pub use solution::{
-    Paused, Snapshot, Solved, SystemOperator, measure, method, minimize, solve, vectors,
-};
+pub use solution::{Paused, Snapshot, Solved, SystemOperator, measure, method, minimize, solve, vectors};
 pub use surfaces::{Surfaces, Traced};
 pub use system::{System, Weights};
-pub use transport::{LightMapOperator, TransportOperator};
+pub use transport::{HostOperator, LightMapOperator, TransportOperator};
+pub use volume::{Desired, LeftOut, Model, Optics, VolumeOperator, VolumeProblem, VolumeRenderer};

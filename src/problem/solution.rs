@@ -1,5 +1,5 @@
-use super::fill::fill;
 use super::Formulation;
+use super::fill::fill;
 use super::system::{System, Weights};
 use super::{LightMapProblem, TransportOperator};
 use crate::operator::{CpuVector, Indexed, Stacked, Vector};

@@ -272,7 +272,8 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
             MetricName::Tiles => {
                 let places: Vec<u32> =
                     self.columns.iter().map(|&column| problem.lattice.place(column)).collect();
-                let tiling = Tiling::placed(problem.lattice.size, problem.start.len(), &self.columns, &places);
+                let tiling =
+                    Tiling::placed(problem.lattice.size, problem.start.len(), &self.columns, &places);
                 // One metric for all channels, so it majorizes each.
                 let weight = |weights: &Rgb| weights.iter().copied().fold(0.0, f32::max);
                 let weights: Vec<f64> =

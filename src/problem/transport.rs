@@ -1,10 +1,10 @@
 use crate::Result;
 use crate::cpu::{Storage, TileMetric, Tiling, Transport};
-use crate::march::LightMapTraversal;
+use crate::march::{LightMapTraversal, Traversal};
 use crate::operator::{CpuVector, Indexed, LinearOperator, Metric, Vector};
 use crate::scene::Rgb;
 
-/// `T` of a light-map problem, wherever it is computed.
+/// `T` of a problem, wherever it is computed.
 pub trait TransportOperator: LinearOperator<Domain = Self::Vector, Range = Self::Vector> {
     /// Vectors that live where it computes.
     type Vector: Indexed + 'static;
@@ -53,15 +53,18 @@ pub(super) fn fetched(vector: &impl Vector) -> Result<Vec<Rgb>> {
 }
 
 /// `T` of a light-map problem on the CPU in f32.
+pub type LightMapOperator = HostOperator<LightMapTraversal>;
+
+/// `T` of a traversal on the CPU in f32.
 #[derive(Debug)]
-pub enum LightMapOperator {
+pub enum HostOperator<T> {
     /// One weight for all three channels.
-    Grey(Transport<LightMapTraversal, f32, 1>),
+    Grey(Transport<T, f32, 1>),
     /// One weight a channel.
-    Colored(Transport<LightMapTraversal, f32, 3>),
+    Colored(Transport<T, f32, 3>),
 }
 
-impl TransportOperator for LightMapOperator {
+impl<T: Traversal<f64, 1> + Traversal<f64, 3>> TransportOperator for HostOperator<T> {
     type Vector = CpuVector;
 
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
@@ -91,7 +94,7 @@ impl TransportOperator for LightMapOperator {
     }
 }
 
-impl LinearOperator for LightMapOperator {
+impl<T: Traversal<f64, 1> + Traversal<f64, 3>> LinearOperator for HostOperator<T> {
     type Domain = CpuVector;
     type Range = CpuVector;
 

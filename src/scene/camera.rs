@@ -96,6 +96,14 @@ impl Camera {
         [p.x / self.half_extent.x, p.y / self.half_extent.y, near, -p.z]
     }
 
+    /// How far something of this tangent of angular size reaches in the picture, in pixels, at most: towards the rim things
+    /// appear larger.
+    pub fn pixels_across(&self, tangent: f64) -> f64 {
+        let side = |axis: usize| 0.5 * self.size[axis] as f64 / self.half_extent[axis];
+        let rim = 1.0 + self.half_extent.length_squared();
+        tangent * side(0).max(side(1)) * rim
+    }
+
     /// Where a world-space point appears in the picture, in pixels; none when it is not before the camera.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         let p = self.camera_from_world.transform_point3(point);

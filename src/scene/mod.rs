@@ -4,6 +4,7 @@
 //! linear Rec. 709. Pixel (0, 0) is the top left one and its centre is at (0.5, 0.5).
 
 mod camera;
+mod environment;
 mod geometry;
 mod grid;
 mod image;
@@ -11,14 +12,17 @@ mod light;
 mod medium;
 mod mesh;
 mod primitive;
+mod procedural;
 mod settings;
 mod shadow_map;
 mod strokes;
 mod view;
 mod volume;
+mod volume_scene;
 mod voxel_set;
 
 pub use camera::{Camera, FovAxis, Ray, look_at};
+pub use environment::Environment;
 pub use geometry::{Geometry, Hit};
 pub use grid::{Extent, Grid};
 pub use image::{Image, RgbaImage};
@@ -26,6 +30,7 @@ pub use light::{DirectionalLight, LightFrame};
 pub use medium::{Medium, henyey_greenstein};
 pub use mesh::{AlphaMask, Material, Mesh, Wrap};
 pub use primitive::Primitive;
+pub use procedural::{Blob, Noise, Procedural};
 pub use settings::{
     Basis, MapSettings, MetricName, Quadrature, Regularization, SolveSettings, SolverName, Strategy, Target,
     Weight,
@@ -34,6 +39,7 @@ pub use shadow_map::ShadowMap;
 pub use strokes::Stroke;
 pub use view::View;
 pub use volume::{Interpolation, Samples, Volume, VoxelGrid};
+pub use volume_scene::{ExtinctionSettings, Find, PropertyBounds, VolumeMedium, VolumeScene, VolumeView};
 pub use voxel_set::{BRICK, VoxelSet};
 
 /// One colour or one value a channel: linear Rec. 709.

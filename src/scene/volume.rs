@@ -293,9 +293,9 @@ impl Volume {
 
     /// Least and largest number.
     pub fn range(&self) -> [f32; 2] {
-        self.samples.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], value| {
-            [low.min(value), high.max(value)]
-        })
+        self.samples
+            .iter()
+            .fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
     }
 }
 

@@ -28,8 +28,7 @@ impl VoxelSet {
     /// The voxels of a lattice for which `holds` of their index is true.
     pub fn new(size: [usize; 3], holds: impl Fn(usize) -> bool) -> Self {
         let bricks = size.map(|side| side.div_ceil(BRICK));
-        let mut set =
-            Self { size, bricks: vec![Brick::default(); bricks.iter().product()], len: 0 };
+        let mut set = Self { size, bricks: vec![Brick::default(); bricks.iter().product()], len: 0 };
         let mut index = 0;
         for k in 0..size[2] {
             for j in 0..size[1] {
@@ -129,9 +128,8 @@ impl VoxelSet {
         self.bricks.iter().enumerate().flat_map(move |(index, brick)| {
             let corner = [index % across, index / across % down, index / across / down].map(|i| i * BRICK);
             brick.slices.iter().enumerate().flat_map(move |(slice, &word)| {
-                bits(word).map(move |bit| {
-                    [corner[0] + bit % BRICK, corner[1] + bit / BRICK, corner[2] + slice]
-                })
+                bits(word)
+                    .map(move |bit| [corner[0] + bit % BRICK, corner[1] + bit / BRICK, corner[2] + slice])
             })
         })
     }

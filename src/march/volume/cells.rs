@@ -49,7 +49,6 @@ impl CellRay {
         std::array::from_fn(|axis| self.origin[axis] + self.slope[axis] * t)
     }
 
-
     /// The part of [a, b] between `low` and `high` on every axis.
     pub(super) fn clip(&self, low: f64, high: [f64; 3], a: f64, b: f64) -> Option<[f64; 2]> {
         let (mut a, mut b) = (a, b);

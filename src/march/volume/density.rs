@@ -85,7 +85,11 @@ impl Density {
             let tau = depth.at(1.0);
             (0..3).for_each(|c| sum[c] += tau[c]);
             // Beyond this not even the least f64 gets through.
-            if sum.iter().all(|&tau| tau > 750.0) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            if sum.iter().all(|&tau| tau > 750.0) {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
         });
         sum
     }

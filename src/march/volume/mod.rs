@@ -97,8 +97,7 @@ const GAUSS_4: [[f64; 2]; 4] = [
     [0.930_568_155_797_026_3, 0.173_927_422_568_726_93],
 ];
 /// The same with two points: exact for the cubics that trilinear functions are along a line.
-const GAUSS_2: [[f64; 2]; 2] =
-    [[0.211_324_865_405_187_13, 0.5], [0.788_675_134_594_812_9, 0.5]];
+const GAUSS_2: [[f64; 2]; 2] = [[0.211_324_865_405_187_13, 0.5], [0.788_675_134_594_812_9, 0.5]];
 /// Optical depth that four nodes are trusted with.
 const PANEL: f64 = 0.5;
 
@@ -145,6 +144,28 @@ impl VolumeTraversal {
             true
         });
         tau.map(|tau| (-tau).exp())
+    }
+
+    /// Whether a row may have a weight at all: whether it meets the brick of an element before its end.
+    pub fn meets_elements(&self, row: usize) -> bool {
+        let shift = self.transport.basis.cells().0;
+        let mut meets = false;
+        self.each_line(row, |line, a, b| {
+            meets = self.parts.iter().any(|part| {
+                let cells = CellRay::new(line, &part.grid, shift);
+                let high = part.grid.size().map(|side| side as f64 + shift);
+                cells.clip(shift, high, a, b).is_some_and(|[a, b]| {
+                    cells
+                        .pieces(&part.cells, a, b, |cell, _, _| match part.cells.contains(cell) {
+                            true => ControlFlow::Break(()),
+                            false => ControlFlow::Continue(()),
+                        })
+                        .is_break()
+                })
+            });
+            !meets
+        });
+        meets
     }
 
     /// Visits the voxels of a part's grid, elements or not, that a row sees.
@@ -195,7 +216,9 @@ impl VolumeTraversal {
         self.each_line(row, |line, a, b| {
             match (&part.quantity, self.transport.quadrature) {
                 (Quantity::Extinction, Quadrature::Exact) => lengths(line, a, b, part, &mut window, visit),
-                (_, Quadrature::Exact) => self.attenuated(line, a, b, part, &mut strength, &mut window, visit),
+                (_, Quadrature::Exact) => {
+                    self.attenuated(line, a, b, part, &mut strength, &mut window, visit)
+                }
                 (_, Quadrature::March { steps }) => {
                     self.march(line, [a, b], steps, part, &mut strength, &mut window, visit);
                 }
@@ -288,7 +311,9 @@ impl VolumeTraversal {
         let corners = grid.corners();
         let step = (corners[7] - corners[0]).length() / f64::from(steps);
         let through = CellRay::new(line, grid, 0.0);
-        let Some([enter, leave]) = through.clip(0.0, grid.size().map(|side| side as f64), a, b) else { return };
+        let Some([enter, leave]) = through.clip(0.0, grid.size().map(|side| side as f64), a, b) else {
+            return;
+        };
         let light = match &part.quantity {
             Quantity::Albedo(light) => Some(light.along(line)),
             _ => None,
@@ -387,12 +412,7 @@ fn lengths<const C: usize, W: Window<C>>(
 /// Visits nodes u of [from, to] with weights w so that Σ w f(u) = ∫ τ'(u) e^{τ(from) − τ(u)} f(u) du, to 1e-11 of the whole for a
 /// cubic f: four nodes for every half of optical depth.
 #[inline(always)]
-fn nodes<const C: usize>(
-    depth: &Depth<C>,
-    from: f64,
-    to: f64,
-    mut visit: impl FnMut(f64, Weight<f64, C>),
-) {
+fn nodes<const C: usize>(depth: &Depth<C>, from: f64, to: f64, mut visit: impl FnMut(f64, Weight<f64, C>)) {
     let (start, end) = (depth.at(from), depth.at(to));
     let most = (0..C).fold(0.0, |most: f64, c| most.max(end[c] - start[c]));
     let panels = (most / PANEL).ceil().clamp(1.0, 4096.0);
@@ -402,9 +422,7 @@ fn nodes<const C: usize>(
             let u = from + (f64::from(panel) + node) * width;
             let (tau, slope) = (depth.at(u), depth.slope(u));
             // Rounding can make the slope of a vanishing density negative.
-            visit(u, std::array::from_fn(|c| {
-                weight * width * slope[c].max(0.0) * (start[c] - tau[c]).exp()
-            }));
+            visit(u, std::array::from_fn(|c| weight * width * slope[c].max(0.0) * (start[c] - tau[c]).exp()));
         }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::cells::{CellRay, Line};
-use crate::scene::{Camera, Volume};
+use crate::scene::{Camera, Ray, Volume};
 
 /// View rays through pixels, one a row, each up to the first surface. They are made anew from their cameras whenever they are
 /// walked: rows by the million cost 8 bytes each.
@@ -25,6 +25,22 @@ impl PixelRays {
         let pixels = pixels.into();
         debug_assert!(lengths.is_empty() || lengths.len() == pixels.len());
         Self { cameras, pixels, lengths }
+    }
+
+    /// The same rays up to surfaces at these distances; none where there are no surfaces.
+    pub fn until(self, lengths: Arc<[f64]>) -> Self {
+        debug_assert!(lengths.is_empty() || lengths.len() == self.pixels.len());
+        Self { lengths, ..self }
+    }
+
+    /// Some of the rays.
+    pub fn picked(&self, rows: &[usize]) -> Self {
+        let pixels = rows.iter().map(|&row| self.pixels[row]).collect();
+        let lengths = match self.lengths.is_empty() {
+            true => self.lengths.clone(),
+            false => rows.iter().map(|&row| self.lengths[row]).collect(),
+        };
+        Self { cameras: self.cameras.clone(), pixels, lengths }
     }
 
     /// The number of rays.
@@ -54,6 +70,30 @@ impl PixelRays {
     }
 
     /// The ray of a row as it leaves the eye.
+    pub fn ray(&self, row: usize) -> Ray {
+        let Line { origin, direction } = self.line(row);
+        Ray { origin, direction }
+    }
+
+    /// Visits the straight pieces of a row, surfaces left aside, while `visit` says to go on: a ray, with the distances from
+    /// its origin at which the piece begins and ends.
+    pub fn each_straight(
+        &self,
+        row: usize,
+        refraction: Option<&Refraction>,
+        mut visit: impl FnMut(&Ray, f64, f64) -> bool,
+    ) {
+        let mut visit = |line: &Line, a: f64, b: f64| {
+            visit(&Ray { origin: line.origin, direction: line.direction }, a, b)
+        };
+        match refraction {
+            None => {
+                visit(&self.line(row), 0.0, f64::INFINITY);
+            }
+            Some(refraction) => refraction.each_line(&self.line(row), f64::INFINITY, visit),
+        }
+    }
+
     #[inline]
     pub(super) fn line(&self, row: usize) -> Line {
         let [view, pixel] = self.pixels[row];

@@ -101,12 +101,7 @@ impl<const C: usize> Trilinear<C> {
     }
 
     #[inline(always)]
-    fn leave(
-        &self,
-        tap: usize,
-        weight: Weight<f64, C>,
-        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
-    ) {
+    fn leave(&self, tap: usize, weight: Weight<f64, C>, visit: &mut impl FnMut([usize; 3], Weight<f64, C>)) {
         // A weight is zero where its voxel would be outside.
         if is_positive(weight) {
             let voxel = offsets(tap, [1; 3]);

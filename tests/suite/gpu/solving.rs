@@ -95,8 +95,7 @@ fn solved(problem: &LightMapProblem, operator: &impl TransportOperator, scene: &
     let coverage = operator.squares(&problem.weights()).unwrap();
     let solved =
         solve(problem, operator, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue)).unwrap();
-    let shown =
-        Assessor::new(problem, operator).unwrap().assess(&solved.x, scene.views.len()).unwrap();
+    let shown = Assessor::new(problem, operator).unwrap().assess(&solved.x, scene.views.len()).unwrap();
     let start = vec![problem.start; solved.x.len()];
     let before = Assessor::new(problem, operator).unwrap().assess(&start, scene.views.len()).unwrap();
     (solved, shown.all.residual.powi(2) / before.all.residual.powi(2))

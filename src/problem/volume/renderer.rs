@@ -1,0 +1,123 @@
+use rayon::prelude::*;
+
+use super::optics::{Optics, open_rays};
+use crate::Result;
+use crate::cpu::near_medium;
+use crate::march::{Part, PixelRays, Quantity, VolumeTraversal, channel};
+use crate::scene::{Image, Rgb, Volume, VolumeMedium, VolumeScene};
+use std::sync::Arc;
+
+/// How the radiance of a medium is computed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Model {
+    /// Emission, and light scattered once (Klehm 2015, eq. 7.2).
+    SingleScattering,
+    /// A radiance that is the same everywhere and in all directions, for which extinction can be found (eq. 7.11).
+    Constant(Rgb),
+}
+
+/// Draws pictures of a medium with the traversal that problems are made of.
+#[derive(Debug)]
+pub struct VolumeRenderer<'a> {
+    scene: &'a VolumeScene,
+    medium: &'a VolumeMedium,
+    optics: &'a Optics,
+    model: Model,
+    /// Emission and albedo with the rows that carry them; none where there is nothing of it.
+    carried: Vec<(Part, Arc<Volume>)>,
+}
+
+impl<'a> VolumeRenderer<'a> {
+    /// Pictures of a medium under the light of a scene.
+    pub fn new(scene: &'a VolumeScene, medium: &'a VolumeMedium, optics: &'a Optics, model: Model) -> Self {
+        let mut carried = Vec::new();
+        if model == Model::SingleScattering {
+            let part = |quantity, volume: &Arc<Volume>| {
+                let voxels = near_medium(&optics.density, volume.grid());
+                (Part::new(quantity, *volume.grid(), Arc::new(voxels), medium.interpolation), volume.clone())
+            };
+            if medium.emission.range() != [0.0; 2] {
+                carried.push(part(Quantity::Emission, &medium.emission));
+            }
+            if let Some(light) = &optics.light
+                && medium.albedo.range() != [0.0; 2]
+            {
+                carried.push(part(Quantity::Albedo(light.clone()), &medium.albedo));
+            }
+        }
+        Self { scene, medium, optics, model, carried }
+    }
+
+    /// The whole picture of a view.
+    pub fn picture(&self, view: usize) -> Result<Image> {
+        let size = self.scene.views[view].view.camera.size();
+        let pixels: Vec<[u32; 2]> =
+            (0..(size[0] * size[1]) as u32).map(|pixel| [view as u32, pixel]).collect();
+        let lengths = self.optics.lengths(self.scene, &pixels);
+        let rays = open_rays(self.scene, &pixels).until(lengths.into());
+        let traversal = self.traversal(rays);
+        let colors = (0..pixels.len()).into_par_iter().map(|row| self.radiance(&traversal, row)).collect();
+        Image::new(size, colors)?.finite(&self.scene.views[view].view.name)
+    }
+
+    /// The rows of some rays through the medium.
+    pub fn traversal(&self, rays: PixelRays) -> VolumeTraversal {
+        VolumeTraversal::new(self.optics.transport(self.scene, self.medium), rays, Vec::new())
+    }
+
+    /// Radiance of a row of such a traversal.
+    pub fn radiance(&self, traversal: &VolumeTraversal, row: usize) -> Rgb {
+        let behind = self.optics.background(self.scene, traversal.rays(), row);
+        let transmittance = traversal.transmittance(row);
+        let mut sum: [f64; 3] = std::array::from_fn(|c| transmittance[c] * f64::from(behind[c]));
+        match self.model {
+            Model::Constant(radiance) => {
+                (0..3).for_each(|c| sum[c] += (1.0 - transmittance[c]) * f64::from(radiance[c]));
+            }
+            Model::SingleScattering => {
+                for (part, volume) in &self.carried {
+                    let carried =
+                        carried(traversal, row, part, &|voxel| volume.color(part.grid.index(voxel)));
+                    (0..3).for_each(|c| sum[c] += carried[c]);
+                }
+            }
+        }
+        sum.map(|value| value as f32)
+    }
+}
+
+/// Σ w x of one row over a part's voxels, for values x of the caller's.
+pub(super) fn carried(
+    traversal: &VolumeTraversal,
+    row: usize,
+    part: &Part,
+    value: &dyn Fn([usize; 3]) -> Rgb,
+) -> [f64; 3] {
+    fn sum<const C: usize>(
+        traversal: &VolumeTraversal,
+        row: usize,
+        part: &Part,
+        value: &dyn Fn([usize; 3]) -> Rgb,
+    ) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        traversal.trace::<C>(row, part, &mut |voxel, weight| {
+            let value = value(voxel);
+            (0..3).for_each(|c| sum[c] += channel(&weight, c) * f64::from(value[c]));
+        });
+        sum
+    }
+    if is_grey(traversal, part) {
+        sum::<1>(traversal, row, part, value)
+    } else {
+        sum::<3>(traversal, row, part, value)
+    }
+}
+
+/// Whether one weight serves all channels of a part.
+pub(super) fn is_grey(traversal: &VolumeTraversal, part: &Part) -> bool {
+    match &part.quantity {
+        Quantity::Extinction => true,
+        Quantity::Emission => traversal.transport().density.is_grey(),
+        Quantity::Albedo(light) => traversal.transport().density.is_grey() && light.is_grey(),
+    }
+}

@@ -1,0 +1,463 @@
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::extinction::log_row;
+use super::hull::visual_hull;
+use super::optics::open_rays;
+use super::renderer::{carried, is_grey};
+use super::{Desired, Model, Optics, VolumeOperator, luminance};
+use crate::cpu::{Transport, WalkPlan, near_medium};
+use crate::march::{Part, Quantity, VolumeTraversal};
+use crate::operator::{Bounds, CpuVector};
+use crate::problem::{Formulation, Lattice, Start};
+use crate::scene::{
+    Find, Rgb, SolveSettings, Strategy, Volume, VolumeMedium, VolumeScene, VoxelGrid, VoxelSet,
+};
+use crate::{Error, Result};
+
+/// Pixels that are no rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LeftOut {
+    /// Nothing is wanted of them.
+    pub unwanted: usize,
+    /// Their rays meet nothing that is looked for.
+    pub beside: usize,
+    /// No channel of theirs has a logarithm.
+    pub without_logarithm: usize,
+}
+
+/// The wanted pixels of a scene as rows, and voxels as unknowns.
+#[derive(Debug)]
+pub struct VolumeProblem {
+    /// What is looked for.
+    pub find: Find,
+    /// The rows of T.
+    pub traversal: VolumeTraversal,
+    /// b: of emission and albedo the radiance that rows should have from what is looked for alone, of extinction the optical
+    /// depth.
+    pub targets: Vec<Rgb>,
+    /// Weight of each row's squared residual a channel.
+    pub weights: Vec<Rgb>,
+    /// What each element starts from.
+    pub start: Vec<Rgb>,
+    /// Pixels that are no rows.
+    pub left_out: LeftOut,
+    /// Voxels outside the visual hull.
+    pub outside_hull: usize,
+    /// What walking the rows will take.
+    pub plan: WalkPlan,
+    /// Σ w L², L what the rows should show, all told.
+    wanted: [f64; 3],
+    /// The place of each element among the voxels of its grid, one grid behind the other.
+    places: Vec<u32>,
+    size: [usize; 3],
+    bounds: Bounds,
+    pull: Option<(usize, f64)>,
+    grey: bool,
+}
+
+impl VolumeProblem {
+    /// The problem of finding one property of a medium, all others as they are.
+    ///
+    /// Errors: [`Error::Empty`] when no wanted ray meets anything that is looked for; [`Error::Value`] for a joint problem
+    /// whose grids differ; those of the visual hull.
+    pub fn new(
+        scene: &VolumeScene,
+        medium: &VolumeMedium,
+        optics: &Optics,
+        desired: &[Desired],
+        find: Find,
+    ) -> Result<Self> {
+        let searched = Searched::new(scene, medium, optics, find)?;
+        let (pixels, unwanted) = wanted_pixels(desired);
+        let lengths = optics.lengths(scene, &pixels);
+        let rays = open_rays(scene, &pixels).until(lengths.into());
+        let all = VolumeTraversal::new(optics.transport(scene, medium), rays, searched.parts.clone());
+        let fixed = Fixed::new(scene, medium, optics, &searched, find);
+        let rows: Vec<Row> = (0..pixels.len())
+            .into_par_iter()
+            .map(|row| {
+                let [view, pixel] = pixels[row];
+                let [r, g, b, weight] = desired[view as usize].pixels[pixel as usize];
+                fixed.row(&all, row, [r, g, b], weight)
+            })
+            .collect();
+        let kept: Vec<usize> = (0..rows.len()).filter(|&row| matches!(rows[row], Row::Kept { .. })).collect();
+        let count = |kind: fn(&Row) -> bool| rows.iter().filter(|row| kind(row)).count();
+        let left_out = LeftOut {
+            unwanted,
+            beside: count(|row| matches!(row, Row::Beside)),
+            without_logarithm: count(|row| matches!(row, Row::NoLogarithm)),
+        };
+        if kept.is_empty() {
+            return Err(nothing_to_solve(find, &left_out));
+        }
+        let (mut targets, mut weights, mut wanted) =
+            (Vec::with_capacity(kept.len()), Vec::with_capacity(kept.len()), [0.0; 3]);
+        for &row in &kept {
+            if let Row::Kept { target, weight, shown } = rows[row] {
+                targets.push(target);
+                weights.push(weight);
+                (0..3).for_each(|c| wanted[c] += f64::from(weight[c]) * f64::from(shown[c]).powi(2));
+            }
+        }
+        let traversal = all.along(all.rays().picked(&kept));
+        let grey = searched.parts.iter().all(|part| is_grey(&traversal, part));
+        let plan =
+            if grey { WalkPlan::new::<f32, 1>(&traversal) } else { WalkPlan::new::<f32, 3>(&traversal) };
+        let Searched { start, places, size, bounds, pull, outside_hull, .. } = searched;
+        Ok(Self {
+            find,
+            traversal,
+            targets,
+            weights,
+            start,
+            left_out,
+            outside_hull,
+            plan,
+            wanted,
+            places,
+            size,
+            bounds,
+            pull,
+            grey,
+        })
+    }
+
+    /// The model of light under which the property is looked for.
+    pub fn model(scene: &VolumeScene, find: Find) -> Model {
+        match find {
+            Find::Extinction => Model::Constant(scene.extinction.medium_radiance),
+            _ => Model::SingleScattering,
+        }
+    }
+
+    /// T, with as much of it kept as a strategy and `budget` bytes allow.
+    ///
+    /// Errors: [`Error::TooLarge`] when all of it must be kept and does not fit.
+    pub fn operator(&self, strategy: Strategy, budget: u64) -> Result<VolumeOperator> {
+        let traversal = self.traversal.clone();
+        Ok(if self.grey {
+            VolumeOperator::Grey(Transport::new(traversal, &self.plan, strategy, budget)?)
+        } else {
+            VolumeOperator::Colored(Transport::new(traversal, &self.plan, strategy, budget)?)
+        })
+    }
+
+    /// The problem as methods solve it.
+    pub fn formulation(&self) -> Formulation<'_> {
+        Formulation {
+            targets: &self.targets,
+            weights: (&self.weights).into(),
+            wanted: self.wanted,
+            start: Start::Each(&self.start),
+            lattice: Lattice { size: &self.size, places: Some(&self.places) },
+            bounds: self.bounds,
+            steering: self.pull,
+            remedy: match self.find {
+                Find::Albedo => "raise the extinction, or the light",
+                _ => "raise the extinction, or use another unit of length",
+            },
+        }
+    }
+
+    /// The row weights, one colour a row.
+    pub fn row_weights(&self) -> CpuVector {
+        CpuVector(self.weights.clone())
+    }
+
+    /// Voxels of the grids of all that is looked for.
+    pub fn voxels(&self) -> usize {
+        self.traversal.parts().iter().map(|part| part.grid.len()).sum()
+    }
+
+    /// Voxels along each axis.
+    pub fn size(&self) -> [usize; 3] {
+        self.size
+    }
+
+    /// Whether one weight serves all channels.
+    pub fn is_grey(&self) -> bool {
+        self.grey
+    }
+
+    /// The medium with the elements in place of what they started from.
+    ///
+    /// Errors: [`Error::NonFinite`] naming a voxel.
+    pub fn apply(&self, medium: &VolumeMedium, x: &[Rgb]) -> Result<VolumeMedium> {
+        let mut changed = medium.clone();
+        let mut rest = x;
+        for part in self.traversal.parts() {
+            let (mine, others) = rest.split_at(part.voxels().len());
+            rest = others;
+            let place = match part.quantity {
+                Quantity::Emission => &mut changed.emission,
+                Quantity::Albedo(_) => &mut changed.albedo,
+                Quantity::Extinction => &mut changed.extinction,
+            };
+            *place = Arc::new(replaced(place, part.voxels(), mine)?);
+        }
+        Ok(changed)
+    }
+}
+
+/// A volume with the colours of some voxels replaced.
+fn replaced(volume: &Volume, voxels: &VoxelSet, colors: &[Rgb]) -> Result<Volume> {
+    let mut all: Vec<Rgb> = (0..volume.grid().len()).map(|index| volume.color(index)).collect();
+    voxels.indices().iter().zip(colors).for_each(|(&index, &color)| all[index as usize] = color);
+    Volume::of_colors(*volume.grid(), &all)
+}
+
+/// What is looked for, before any ray is walked.
+struct Searched {
+    parts: Vec<Part>,
+    start: Vec<Rgb>,
+    places: Vec<u32>,
+    size: [usize; 3],
+    bounds: Bounds,
+    pull: Option<(usize, f64)>,
+    outside_hull: usize,
+}
+
+impl Searched {
+    fn new(scene: &VolumeScene, medium: &VolumeMedium, optics: &Optics, find: Find) -> Result<Self> {
+        let settings = &scene.bounds;
+        let bounds = |of: [[f64; 3]; 2]| -> Result<Bounds> {
+            if scene.solve.solver.keeps_bounds() { Bounds::new(of[0], of[1]) } else { Ok(Bounds::NONE) }
+        };
+        let light = || {
+            optics.light.clone().ok_or_else(|| Error::Empty {
+                reason: "albedo cannot be found in the dark: no light reaches the volume".to_owned(),
+                remedy: "add a light or an environment, or look for emission",
+            })
+        };
+        let mut searched = Self {
+            parts: Vec::new(),
+            start: Vec::new(),
+            places: Vec::new(),
+            size: [0; 3],
+            bounds: Bounds::NONE,
+            pull: None,
+            outside_hull: 0,
+        };
+        match find {
+            Find::Emission => {
+                searched.add(scene, optics, Quantity::Emission, &medium.emission)?;
+                searched.bounds = bounds(settings.emission)?;
+                searched.pull = Some((0, scene.pull[0]));
+            }
+            Find::Albedo => {
+                searched.add(scene, optics, Quantity::Albedo(light()?), &medium.albedo)?;
+                searched.bounds = bounds(settings.albedo)?;
+                searched.pull = Some((0, scene.pull[1]));
+            }
+            Find::Joint => {
+                if medium.emission.grid().size() != medium.albedo.grid().size() {
+                    let sizes =
+                        format!("{:?} and {:?}", medium.emission.grid().size(), medium.albedo.grid().size());
+                    let expected =
+                        "the same number of voxels for emission and albedo, which are found together";
+                    return Err(Error::value("volume.albedo", sizes, expected));
+                }
+                searched.add(scene, optics, Quantity::Emission, &medium.emission)?;
+                let first = searched.start.len();
+                searched.add(scene, optics, Quantity::Albedo(light()?), &medium.albedo)?;
+                searched.bounds = bounds(settings.emission)?.then(first, bounds(settings.albedo)?);
+                // The setting is that of emission; albedo is pulled relative to it.
+                searched.pull = Some((first, scene.pull[1] / scene.pull[0]));
+            }
+            Find::Extinction => {
+                searched.add(scene, optics, Quantity::Extinction, &medium.extinction)?;
+                searched.bounds = bounds(settings.extinction)?;
+            }
+        }
+        if searched.start.is_empty() {
+            return Err(Error::Empty {
+                reason: format!("there is no voxel whose {} could be found", find.name()),
+                remedy: "give the volume extinction somewhere inside the visual hull",
+            });
+        }
+        Ok(searched)
+    }
+
+    fn add(
+        &mut self,
+        scene: &VolumeScene,
+        optics: &Optics,
+        quantity: Quantity,
+        volume: &Volume,
+    ) -> Result<()> {
+        let grid = *volume.grid();
+        let candidates = match quantity {
+            Quantity::Extinction => VoxelSet::all(grid.size()),
+            _ => near_medium_exactly(optics, &grid),
+        };
+        let voxels = match visual_hull(scene, &grid)? {
+            Some(hull) => candidates.intersection(&hull),
+            None => candidates.clone(),
+        };
+        self.outside_hull += candidates.len() - voxels.len();
+        let first = if self.parts.is_empty() { 0 } else { grid.len() as u32 };
+        for index in voxels.indices() {
+            self.places.push(first + index);
+            self.start.push(volume.color(index as usize));
+        }
+        self.size = grid.size();
+        self.parts.push(Part::new(quantity, grid, Arc::new(voxels), optics.density.interpolation()));
+        Ok(())
+    }
+}
+
+/// The voxels of a grid that a medium reaches into; exactly those with extinction where the grids are one.
+fn near_medium_exactly(optics: &Optics, grid: &VoxelGrid) -> VoxelSet {
+    let density = &optics.density;
+    if grid == density.grid() && density.cells().size() == grid.size() {
+        return density.cells().clone();
+    }
+    near_medium(density, grid)
+}
+
+/// What one wanted pixel becomes.
+#[derive(Debug, Clone, Copy)]
+enum Row {
+    Kept { target: Rgb, weight: Rgb, shown: Rgb },
+    Beside,
+    NoLogarithm,
+}
+
+/// Radiance of a row that does not change with what is looked for.
+struct Fixed<'a> {
+    scene: &'a VolumeScene,
+    optics: &'a Optics,
+    find: Find,
+    /// The quantities that are known, with their values; and of those looked for, what lies outside the elements.
+    known: Vec<(Part, Arc<Volume>, Option<Arc<VoxelSet>>)>,
+    /// The brightest background, in whose unit noise is measured.
+    scale: f64,
+}
+
+impl<'a> Fixed<'a> {
+    fn new(
+        scene: &'a VolumeScene,
+        medium: &'a VolumeMedium,
+        optics: &'a Optics,
+        searched: &Searched,
+        find: Find,
+    ) -> Self {
+        let mut known = Vec::new();
+        let mut add = |quantity: Quantity, volume: &Arc<Volume>| {
+            if volume.range() == [0.0; 2] {
+                return;
+            }
+            let elements = searched
+                .parts
+                .iter()
+                .find(|part| std::mem::discriminant(&part.quantity) == std::mem::discriminant(&quantity));
+            let all = near_medium(&optics.density, volume.grid());
+            let elements = elements.map(|part| Arc::new(part.voxels().clone()));
+            // Where all that has any weight is an element, nothing of it is known.
+            if elements.is_some() && searched.outside_hull == 0 {
+                return;
+            }
+            let part = Part::new(quantity, *volume.grid(), Arc::new(all), optics.density.interpolation());
+            known.push((part, volume.clone(), elements));
+        };
+        if find != Find::Extinction {
+            add(Quantity::Emission, &medium.emission);
+            if let Some(light) = &optics.light {
+                add(Quantity::Albedo(light.clone()), &medium.albedo);
+            }
+        }
+        let brightest = |color: Rgb| f64::from(color.into_iter().fold(0.0, f32::max));
+        let environment = || scene.environment.beams().len() as f64 / (4.0 * std::f64::consts::PI);
+        let behind = match scene.background {
+            Some(color) => brightest(color),
+            None => {
+                scene.environment.beams().iter().map(|(_, light)| brightest(*light)).fold(0.0, f64::max)
+                    * environment()
+            }
+        };
+        let scale = behind.max(brightest(scene.extinction.medium_radiance));
+        Self { scene, optics, find, known, scale: if scale > 0.0 { scale } else { 1.0 } }
+    }
+
+    fn row(&self, traversal: &VolumeTraversal, row: usize, wanted: Rgb, weight: f32) -> Row {
+        if !traversal.meets_elements(row) {
+            return Row::Beside;
+        }
+        let behind = self.optics.background(self.scene, traversal.rays(), row);
+        if self.find == Find::Extinction {
+            let settings = &self.scene.extinction;
+            let medium = settings.medium_radiance;
+            return match log_row(wanted, behind, medium, weight, self.scale, settings.is_grey) {
+                Some(log) => Row::Kept { target: log.depth, weight: log.weight, shown: log.depth },
+                None => Row::NoLogarithm,
+            };
+        }
+        let mut fixed = [0.0; 3];
+        if luminance(behind) > 0.0 {
+            let transmittance = traversal.transmittance(row);
+            (0..3).for_each(|c| fixed[c] += transmittance[c] * f64::from(behind[c]));
+        }
+        for (part, volume, elements) in &self.known {
+            let carried = carried(traversal, row, part, &|voxel| match elements {
+                Some(elements) if elements.contains(voxel) => [0.0; 3],
+                _ => volume.color(part.grid.index(voxel)),
+            });
+            (0..3).for_each(|c| fixed[c] += carried[c]);
+        }
+        let target = std::array::from_fn(|c| (f64::from(wanted[c]) - fixed[c]) as f32);
+        Row::Kept { target, weight: [weight; 3], shown: wanted }
+    }
+}
+
+/// The pixels that something is wanted of, view by view, and how many others there are.
+fn wanted_pixels(desired: &[Desired]) -> (Vec<[u32; 2]>, usize) {
+    let mut pixels = Vec::new();
+    let mut unwanted = 0;
+    for (view, desired) in desired.iter().enumerate() {
+        for (pixel, &[.., weight]) in desired.pixels.iter().enumerate() {
+            if weight > 0.0 {
+                pixels.push([view as u32, pixel as u32]);
+            } else {
+                unwanted += 1;
+            }
+        }
+    }
+    (pixels, unwanted)
+}
+
+fn nothing_to_solve(find: Find, left_out: &LeftOut) -> Error {
+    if left_out.without_logarithm > 0 {
+        return Error::Empty {
+            reason: format!(
+                "none of the {} wanted pixels is between the background and the medium's own radiance, so no \
+                 extinction explains them",
+                left_out.without_logarithm
+            ),
+            remedy: "check extinction.medium_radiance and the background",
+        };
+    }
+    Error::Empty {
+        reason: format!(
+            "none of the {} wanted rays meets a voxel whose {} is looked for",
+            left_out.beside,
+            find.name()
+        ),
+        remedy: "check the cameras and volume.to_world",
+    }
+}
+
+/// Settings of one stage: those of the scene, with the bounds of what is looked for.
+impl VolumeProblem {
+    /// What the solver is told.
+    pub fn settings(scene: &VolumeScene, find: Find) -> SolveSettings {
+        let bounds = match find {
+            Find::Emission | Find::Joint => scene.bounds.emission,
+            Find::Albedo => scene.bounds.albedo,
+            Find::Extinction => scene.bounds.extinction,
+        };
+        SolveSettings { bounds, ..scene.solve.clone() }
+    }
+}

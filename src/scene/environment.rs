@@ -1,0 +1,199 @@
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+
+use super::{Image, Rgb};
+use crate::{Error, Result};
+
+/// Light from all directions, infinitely far away.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Environment {
+    sky: Sky,
+    /// Directions that the light of a volume is taken from.
+    directions: usize,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Sky {
+    Constant(Rgb),
+    Map(Image),
+}
+
+impl Environment {
+    /// Directions at most.
+    pub const MAX_DIRECTIONS: usize = 1 << 14;
+
+    /// The same radiance from everywhere.
+    ///
+    /// Errors: [`Error::Value`] for a radiance that is negative or not finite, or no directions.
+    pub fn constant(radiance: Rgb, directions: usize) -> Result<Self> {
+        if !radiance.iter().all(|&c| c.is_finite() && c >= 0.0) {
+            return Err(Error::value("radiance", format!("{radiance:?}"), "finite and not negative"));
+        }
+        Self::of(Sky::Constant(radiance), directions)
+    }
+
+    /// A picture of all directions: longitude across, latitude down, +Y at the top and −Z in the middle.
+    ///
+    /// Errors: [`Error::Value`] naming a pixel that is negative or not finite, or no directions.
+    pub fn map(picture: Image, directions: usize) -> Result<Self> {
+        let usable = |pixel: &Rgb| pixel.iter().all(|&c| c.is_finite() && c >= 0.0);
+        if let Some(index) = picture.pixels.iter().position(|pixel| !usable(pixel)) {
+            let width = picture.size()[0];
+            let value =
+                format!("{:?} at pixel ({}, {})", picture.pixels[index], index % width, index / width);
+            return Err(Error::value("file", value, "finite and not negative radiance"));
+        }
+        Self::of(Sky::Map(picture), directions)
+    }
+
+    fn of(sky: Sky, directions: usize) -> Result<Self> {
+        if directions == 0 || directions > Self::MAX_DIRECTIONS {
+            return Err(Error::value("directions", directions, "from 1 to 16384"));
+        }
+        Ok(Self { sky, directions })
+    }
+
+    /// Whether it is dark.
+    pub fn is_dark(&self) -> bool {
+        match &self.sky {
+            Sky::Constant(radiance) => *radiance == [0.0; 3],
+            Sky::Map(picture) => picture.pixels.iter().all(|pixel| *pixel == [0.0; 3]),
+        }
+    }
+
+    /// Radiance that comes from a direction (of unit length, pointing there).
+    pub fn radiance(&self, towards: DVec3) -> Rgb {
+        match &self.sky {
+            Sky::Constant(radiance) => *radiance,
+            Sky::Map(picture) => {
+                let [width, height] = picture.size();
+                let u = (towards.x.atan2(-towards.z) / TAU + 0.5).rem_euclid(1.0);
+                let v = towards.y.clamp(-1.0, 1.0).acos() / PI;
+                let pixel = |part: f64, side: usize| ((part * side as f64) as usize).min(side - 1);
+                picture.at(pixel(u, width), pixel(v, height))
+            }
+        }
+    }
+
+    /// Directions spread evenly over the sphere, each with the radiance times solid angle that comes from its part of it:
+    /// of a map the mean over the pixels that are nearest to it.
+    pub fn beams(&self) -> Vec<(DVec3, Rgb)> {
+        let points = fibonacci_sphere(self.directions);
+        let share = 4.0 * PI / self.directions as f64;
+        match &self.sky {
+            Sky::Constant(radiance) => {
+                let light = radiance.map(|value| (f64::from(value) * share) as f32);
+                points.into_iter().map(|point| (point, light)).collect()
+            }
+            Sky::Map(picture) => {
+                let mut sums = vec![[0.0f64; 3]; points.len()];
+                let [width, height] = picture.size();
+                for (index, pixel) in picture.pixels.iter().enumerate() {
+                    let (i, j) = (index % width, index / width);
+                    let polar = |j: usize| PI * j as f64 / height as f64;
+                    let angle = TAU / width as f64 * (polar(j).cos() - polar(j + 1).cos());
+                    let (theta, phi) = (
+                        PI * (j as f64 + 0.5) / height as f64,
+                        TAU * ((i as f64 + 0.5) / width as f64 - 0.5),
+                    );
+                    let towards = DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
+                    let sum = &mut sums[nearest(&points, towards)];
+                    (0..3).for_each(|c| sum[c] += angle * f64::from(pixel[c]));
+                }
+                points.into_iter().zip(sums.into_iter().map(|sum| sum.map(|value| value as f32))).collect()
+            }
+        }
+    }
+
+    /// Mean radiance over all directions.
+    pub fn mean(&self) -> Rgb {
+        let mut sum = [0.0f64; 3];
+        for (_, light) in self.beams() {
+            (0..3).for_each(|c| sum[c] += f64::from(light[c]) / (4.0 * PI));
+        }
+        sum.map(|value| value as f32)
+    }
+}
+
+/// Points in equal steps of height, turned by the golden angle from one to the next: even over the sphere.
+fn fibonacci_sphere(count: usize) -> Vec<DVec3> {
+    let golden = PI * (3.0 - 5f64.sqrt());
+    (0..count)
+        .map(|k| {
+            let y = 1.0 - (2.0 * k as f64 + 1.0) / count as f64;
+            let (radius, angle) = ((1.0 - y * y).sqrt(), golden * k as f64);
+            DVec3::new(radius * angle.cos(), y, radius * angle.sin())
+        })
+        .collect()
+}
+
+/// The nearest of points that stand by height.
+fn nearest(points: &[DVec3], towards: DVec3) -> usize {
+    // Within this difference of height lies the nearest one: a cap of two shares of the sphere.
+    let reach = (16.0 / points.len() as f64).sqrt().min(2.0);
+    let index = |y: f64| ((1.0 - y) * points.len() as f64 / 2.0).clamp(0.0, points.len() as f64) as usize;
+    let range = index(towards.y + reach)..(index(towards.y - reach) + 1).min(points.len());
+    let first = range.start.min(points.len() - 1);
+    range.max_by(|&a, &b| points[a].dot(towards).total_cmp(&points[b].dot(towards))).unwrap_or(first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn beams_carry_all_of_the_light() -> Result<()> {
+        let pixels = (0..64 * 32).map(|i| [(i % 7) as f32, 1.0, if i < 64 { 50.0 } else { 0.0 }]).collect();
+        for directions in [1, 2, 16, 100] {
+            let map = Environment::map(Image::new([64, 32], pixels_of(&pixels))?, directions)?;
+            let constant = Environment::constant([1.0, 2.0, 0.5], directions)?;
+            let total = |environment: &Environment| {
+                environment.beams().iter().fold([0.0; 3], |sum: [f64; 3], (_, light)| {
+                    std::array::from_fn(|c| sum[c] + f64::from(light[c]))
+                })
+            };
+            assert!((total(&map)[1] / (4.0 * PI) - 1.0).abs() < 1e-5);
+            assert!((total(&constant)[2] / (2.0 * PI) - 1.0).abs() < 1e-5);
+            assert!((f64::from(constant.mean()[1]) - 2.0).abs() < 1e-5);
+        }
+        Ok(())
+    }
+
+    fn pixels_of(pixels: &Vec<Rgb>) -> Vec<Rgb> {
+        pixels.clone()
+    }
+
+    #[test]
+    fn the_map_is_looked_up_where_its_pixels_are() -> Result<()> {
+        let mut picture = Image::constant([8, 4], [0.0; 3]);
+        picture.pixels[8 + 4] = [3.0; 3];
+        let environment = Environment::map(picture, 64)?;
+        // Just right of the middle, above the horizon: towards −Z, and up.
+        let seen = DVec3::new(0.2, 0.4, -1.0).normalize();
+        assert_eq!(environment.radiance(seen), [3.0; 3]);
+        assert_eq!(environment.radiance(-seen), [0.0; 3]);
+        let brightest = environment.beams().into_iter().max_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+        assert!(brightest.is_some_and(|(towards, _)| towards.dot(seen) > 0.8));
+        Ok(())
+    }
+
+    #[test]
+    fn the_nearest_direction_is_the_nearest() {
+        for count in [1, 2, 5, 64, 500] {
+            let points = fibonacci_sphere(count);
+            for towards in fibonacci_sphere(333) {
+                let all = |k: &usize| -points[*k].dot(towards);
+                let best = (0..count).map(|k| -all(&k)).fold(f64::NEG_INFINITY, f64::max);
+                assert!((points[nearest(&points, towards)].dot(towards) - best).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn impossible_environments_are_refused() {
+        assert!(Environment::constant([1.0, -1.0, 0.0], 8).is_err());
+        assert!(Environment::constant([1.0; 3], 0).is_err());
+        assert!(Environment::map(Image::constant([2, 1], [f32::INFINITY; 3]), 8).is_err());
+    }
+}

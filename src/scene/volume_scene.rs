@@ -1,0 +1,129 @@
+use std::sync::Arc;
+
+use super::{
+    DirectionalLight, Environment, Geometry, Image, Interpolation, Rgb, SolveSettings, Target, View, Volume,
+};
+
+/// Everything that a volume solve starts from.
+#[derive(Debug)]
+pub struct VolumeScene {
+    /// What the scene is called in titles and reports.
+    pub name: String,
+    /// The medium as it is before the solve.
+    pub medium: VolumeMedium,
+    /// Suns.
+    pub lights: Vec<DirectionalLight>,
+    /// Light from everywhere.
+    pub environment: Environment,
+    /// Voxels of the cached light along each axis; none: as the extinction's, at most 64.
+    pub light_size: Option<[usize; 3]>,
+    /// What is seen where a ray leaves the volume and meets no surface; none: the environment.
+    pub background: Option<Rgb>,
+    /// Surfaces in front of the volume, inside it and behind.
+    pub geometry: Geometry,
+    /// Cameras, and what their pictures should show.
+    pub views: Vec<VolumeView>,
+    /// What a painted colour means.
+    pub target: Target,
+    /// What is looked for, in turn.
+    pub stages: Vec<Find>,
+    /// How extinction is looked for.
+    pub extinction: ExtinctionSettings,
+    /// Bounds of emission, albedo and extinction: the least and the largest value a channel.
+    pub bounds: PropertyBounds,
+    /// How much emission and albedo are pulled to their start in a joint solve, relative to `solve.regularization.tikhonov`.
+    pub pull: [f64; 2],
+    /// Whether voxels outside the visual hull of the masks are left out.
+    pub hull: bool,
+    /// How problems are solved.
+    pub solve: SolveSettings,
+    /// Stops by which PNG pictures are brightened; EXR pictures hold radiance as it is.
+    pub exposure: f64,
+}
+
+/// A heterogeneous medium.
+#[derive(Debug, Clone)]
+pub struct VolumeMedium {
+    /// σ_t in 1/metre.
+    pub extinction: Arc<Volume>,
+    /// ρ, from 0 to 1.
+    pub albedo: Arc<Volume>,
+    /// Emitted radiance L_e, of which a piece of the medium with optical depth dτ gives L_e dτ.
+    pub emission: Arc<Volume>,
+    /// Mean cosine g of the Henyey–Greenstein phase function, inside (−1, 1).
+    pub g: f64,
+    /// What lies between the centres of voxels, and the basis of what is looked for.
+    pub interpolation: Interpolation,
+    /// What bends the rays: the index of refraction, and the step in metres (none: half a voxel).
+    pub refraction: Option<(Arc<Volume>, Option<f64>)>,
+}
+
+/// A camera and what its picture should show.
+#[derive(Debug, Clone)]
+pub struct VolumeView {
+    /// Name, camera, and what is painted over the picture.
+    pub view: View,
+    /// Radiance that the picture should show and, in alpha, the weight of each pixel.
+    pub picture: Option<super::RgbaImage>,
+    /// Weight of pixels that nothing is painted on: they should stay as they are. Only where something is painted.
+    pub keep: f32,
+    /// Where the volume is seen, if anywhere: 0 is outside it.
+    pub mask: Option<Vec<bool>>,
+    /// What is seen behind the volume, instead of the scene's background.
+    pub background: Option<Image>,
+}
+
+/// What is looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Find {
+    /// Emission.
+    Emission,
+    /// Albedo.
+    Albedo,
+    /// Emission and albedo together.
+    Joint,
+    /// Extinction.
+    Extinction,
+}
+
+impl Find {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Emission, Self::Albedo, Self::Joint, Self::Extinction];
+
+    /// Its name in scene files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Emission => "emission",
+            Self::Albedo => "albedo",
+            Self::Joint => "joint",
+            Self::Extinction => "extinction",
+        }
+    }
+}
+
+/// How extinction is looked for (Klehm 2015, eq. 7.13).
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExtinctionSettings {
+    /// L_m, the radiance that the medium gives per optical depth everywhere and in every direction.
+    pub medium_radiance: Rgb,
+    /// One σ_t for all channels, or one a channel.
+    pub is_grey: bool,
+}
+
+/// The least and the largest value a channel of each property.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PropertyBounds {
+    /// Of emission.
+    pub emission: [[f64; 3]; 2],
+    /// Of albedo.
+    pub albedo: [[f64; 3]; 2],
+    /// Of extinction.
+    pub extinction: [[f64; 3]; 2],
+}
+
+impl Default for PropertyBounds {
+    fn default() -> Self {
+        let not_negative = [[0.0; 3], [f64::INFINITY; 3]];
+        Self { emission: not_negative, albedo: [[0.0; 3], [1.0; 3]], extinction: not_negative }
+    }
+}
