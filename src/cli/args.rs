@@ -2,6 +2,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::io::scene_file::Subject;
+
 /// Inverse rendering of light in media: paint what the picture should look like, get the light behind it.
 #[derive(Debug, Parser)]
 #[command(name = "unscatter", version, arg_required_else_help = true, max_term_width = 110)]
@@ -37,7 +39,11 @@ pub(crate) enum Command {
     /// Describe this machine and what unscatter would use of it.
     Doctor,
     /// Print the JSON schema of scene files.
-    Schema,
+    Schema {
+        /// Of which: those for `light-map`, or those for `volume`.
+        #[arg(value_enum, default_value_t)]
+        of: SchemaOf,
+    },
     /// Print completions for a shell.
     Completions {
         /// Which shell.
@@ -137,6 +143,25 @@ pub(crate) struct OutputArguments {
     /// Folder for the results; `out/` and the scene's file name by default.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
+}
+
+/// A kind of scene file.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SchemaOf {
+    /// Scenes with a light in a homogeneous medium.
+    #[default]
+    LightMap,
+    /// Scenes with a volume.
+    Volume,
+}
+
+impl From<SchemaOf> for Subject {
+    fn from(of: SchemaOf) -> Self {
+        match of {
+            SchemaOf::LightMap => Self::LightMap,
+            SchemaOf::Volume => Self::Volume,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]

@@ -90,8 +90,8 @@ fn run(command: &Command, manners: &Manners) -> Result<Done> {
         Command::Check(arguments) => check::run(arguments, manners),
         Command::Matrix(arguments) => matrix::run(arguments, manners),
         Command::Doctor => doctor::run(manners),
-        Command::Schema => {
-            let schema = to_json(&io::scene_file::schema())?;
+        Command::Schema { of } => {
+            let schema = to_json(&io::scene_file::schema((*of).into()))?;
             manners.print(&schema, &schema);
             Ok(Done::Completely)
         }

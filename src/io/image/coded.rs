@@ -8,7 +8,7 @@ use ::image::{
 };
 use rayon::prelude::*;
 
-use super::{Format, Source, check_size, file_error, format_error, linear_from_srgb, srgb_from_linear};
+use super::{Alpha, Format, Source, check_size, file_error, format_error, linear_from_srgb, srgb_from_linear};
 use crate::scene::{Camera, Image};
 use crate::{Error, Result};
 
@@ -40,7 +40,11 @@ fn code_from_linear(linear: f32) -> u8 {
 }
 
 /// Size and pixels: linear colour, and straight alpha for N = 4.
-pub(super) fn read<const N: usize>(path: &Path, source: Source) -> Result<([usize; 2], Vec<[f32; N]>)> {
+pub(super) fn read<const N: usize>(
+    path: &Path,
+    source: Source,
+    alpha: Alpha,
+) -> Result<([usize; 2], Vec<[f32; N]>)> {
     let Source { file, bytes, format } = source;
     let failed = |error| decoder_error(path, format, error);
     let mut reader = ImageReader::with_format(file, crate_format(path, format)?);
@@ -53,7 +57,7 @@ pub(super) fn read<const N: usize>(path: &Path, source: Source) -> Result<([usiz
     let (width, height) = decoder.dimensions();
     let size = [width as usize, height as usize];
     check_size(path, format, size, decoder.total_bytes().into(), bytes)?;
-    if N == 4 && !decoder.color_type().has_alpha() {
+    if alpha == Alpha::Needed && !decoder.color_type().has_alpha() {
         let reason = "it has no alpha, which is the weight of the constraint: paint on a transparent layer and \
                       save it as PNG or EXR with alpha";
         return Err(format_error(path, format.name(), reason));

@@ -43,8 +43,8 @@ pub fn write_png(path: &Path, image: &Image, exposure: f64) -> Result<()> {
 pub fn read_image(path: &Path) -> Result<Image> {
     let source = Source::open(path)?;
     let (size, pixels) = match source.format {
-        Format::Exr => openexr::read::<3>(path, source.file, source.bytes)?,
-        _ => coded::read::<3>(path, source)?,
+        Format::Exr => openexr::read::<3>(path, source.file, source.bytes, Alpha::Optional)?,
+        _ => coded::read::<3>(path, source, Alpha::Optional)?,
     };
     check_finite(path, size, &pixels)?;
     Image::new(size, pixels)
@@ -56,16 +56,34 @@ pub fn read_image(path: &Path) -> Result<Image> {
 ///
 /// Errors: as [`read_image`], and [`Error::Format`] when there is no alpha or it is outside [0, 1].
 pub fn read_layer(path: &Path) -> Result<RgbaImage> {
+    read_weighted(path, Alpha::Needed)
+}
+
+/// Reads a picture that a view should show, as [`read_layer`] does; where there is no alpha, all pixels weigh 1.
+///
+/// Errors: as [`read_image`], and [`Error::Format`] when an alpha is outside [0, 1].
+pub fn read_target(path: &Path) -> Result<RgbaImage> {
+    read_weighted(path, Alpha::Optional)
+}
+
+/// Whether a picture must have alpha.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Alpha {
+    Needed,
+    Optional,
+}
+
+fn read_weighted(path: &Path, alpha: Alpha) -> Result<RgbaImage> {
     let source = Source::open(path)?;
     let (size, pixels) = match source.format {
         Format::Exr => {
-            let (size, mut pixels) = openexr::read::<4>(path, source.file, source.bytes)?;
+            let (size, mut pixels) = openexr::read::<4>(path, source.file, source.bytes, alpha)?;
             // Before alpha is divided out, so that a bad alpha is not blamed on the colour.
             check_weights(path, size, &pixels)?;
             pixels.iter_mut().for_each(divide_out_alpha);
             (size, pixels)
         }
-        _ => coded::read::<4>(path, source)?,
+        _ => coded::read::<4>(path, source, alpha)?,
     };
     check_finite(path, size, &pixels)?;
     RgbaImage::new(size, pixels)

@@ -11,7 +11,7 @@ use ::exr::meta::header::Header;
 use ::exr::prelude::f16;
 
 use super::super::whole::write_whole_seekable;
-use super::{Format, check_size, check_writable, file_error, format_error};
+use super::{Alpha, Format, check_size, check_writable, file_error, format_error};
 use crate::scene::{Camera, Image};
 use crate::{Error, Result};
 
@@ -42,12 +42,16 @@ pub(super) fn read<const N: usize>(
     path: &Path,
     file: impl Read + Seek,
     stored_bytes: u64,
+    alpha: Alpha,
 ) -> Result<([usize; 2], Vec<[f32; N]>)> {
     let failed = |error| exr_error("read", path, error);
     let reader = block::read(file, false).map_err(failed)?;
     reader.headers().iter().try_for_each(|header| check_header(path, header, stored_bytes))?;
-    let source = Channels::find::<N>(path, reader.headers())?;
+    let source = Channels::find(path, reader.headers(), alpha)?;
     let mut picture = Picture::<N>::for_layer(&reader.headers()[source.layer]);
+    if N == 4 && source.rgba[3].is_none() {
+        picture.pixels.iter_mut().for_each(|pixel| pixel[N - 1] = 1.0);
+    }
     let chunks = reader.all_chunks(false).map_err(failed)?;
     let meta_data = ::exr::block::reader::ChunksReader::meta_data(&chunks).clone();
     let header = &meta_data.headers[source.layer];
@@ -119,7 +123,7 @@ struct Channels {
 
 impl Channels {
     /// Plain names before names in a layer, the first picture before the others.
-    fn find<const N: usize>(path: &Path, headers: &[Header]) -> Result<Self> {
+    fn find(path: &Path, headers: &[Header], alpha: Alpha) -> Result<Self> {
         let failed = |reason: String| format_error(path, Format::Exr.name(), reason);
         let mut found: Vec<Self> =
             headers.iter().enumerate().flat_map(|(layer, header)| Self::in_header(layer, header)).collect();
@@ -135,7 +139,7 @@ impl Channels {
             let names = headers.iter().flat_map(names_of).collect::<Vec<_>>().join(", ");
             failed(format!("it has no channels R, G, B or Y at full resolution, only {names}"))
         })?;
-        if N == 4 && best.rgba[3].is_none() {
+        if alpha == Alpha::Needed && best.rgba[3].is_none() {
             let reason = "it has no channel A; alpha is the weight of the constraint, so a layer needs it";
             return Err(failed(reason.to_owned()));
         }

@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use crate::io::gltf::{GltfCamera, GltfScene};
-use crate::io::{image, obj};
-use crate::scene::{Mesh, Rgb, RgbaImage};
+use crate::io::transforms::Shot;
+use crate::io::volume::Stored;
+use crate::io::{image, obj, transforms, volume};
+use crate::scene::{Image, Mesh, Rgb, RgbaImage};
 use crate::{Error, Result};
 
 use super::light::GltfNode;
@@ -48,6 +50,26 @@ impl Assets {
     /// A painted layer.
     pub(super) fn layer(&self, file: &str) -> Result<RgbaImage> {
         image::read_layer(&self.path(file)?)
+    }
+
+    /// A picture that a view should show, with the weights of its pixels: its alpha, or 1.
+    pub(super) fn target(&self, file: &str) -> Result<RgbaImage> {
+        image::read_target(&self.path(file)?)
+    }
+
+    /// A picture without weights.
+    pub(super) fn image(&self, file: &str) -> Result<Image> {
+        image::read_image(&self.path(file)?)
+    }
+
+    /// A volume.
+    pub(super) fn volume(&self, file: &str, member: Option<&str>) -> Result<Stored> {
+        volume::read(&self.path(file)?, member)
+    }
+
+    /// Cameras and pictures of a `transforms.json`.
+    pub(super) fn shots(&self, file: &str) -> Result<Vec<Shot>> {
+        transforms::read(&self.path(file)?)
     }
 
     fn scene(&mut self, file: &str) -> Result<&GltfScene> {

@@ -130,16 +130,7 @@ impl Document {
         if self.views.is_empty() {
             return Err(Flaw::new("views", "there is no view; add one with a `name` and a `camera`"));
         }
-        let mut names = std::collections::HashMap::new();
-        for (i, view) in self.views.iter().enumerate() {
-            if let Some(first) = names.insert(view.name.to_ascii_lowercase(), i) {
-                let value = format!("`{}`", view.name);
-                let expected = format!(
-                    "different from the name of views[{first}], for it names files (case is ignored)"
-                );
-                return Err(Flaw::value(format!("views[{i}].name"), value, &expected));
-            }
-        }
+        check_names(self.views.iter().map(|view| view.name.as_str()))?;
         let views = self.views.iter().enumerate();
         views.map(|(i, view)| view.build(assets).at(&format!("views[{i}]"))).collect()
     }
@@ -151,6 +142,19 @@ impl Document {
         }
         Geometry::new(mesh).at("occluders")
     }
+}
+
+/// A flaw when two views have the same name.
+pub(super) fn check_names<'a>(views: impl Iterator<Item = &'a str>) -> Built<()> {
+    let mut names = std::collections::HashMap::new();
+    for (i, name) in views.enumerate() {
+        if let Some(first) = names.insert(name.to_ascii_lowercase(), i) {
+            let expected =
+                format!("different from the name of views[{first}], for it names files (case is ignored)");
+            return Err(Flaw::value(format!("views[{i}].name"), format!("`{name}`"), &expected));
+        }
+    }
+    Ok(())
 }
 
 /// A flaw that says which version this library reads.
@@ -167,7 +171,7 @@ impl From<Target> for scene::Target {
     }
 }
 
-fn stem(file: &Path) -> String {
+pub(super) fn stem(file: &Path) -> String {
     file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 

@@ -23,6 +23,7 @@ mod source;
 mod tests;
 mod transform;
 mod view;
+mod volume;
 mod weight;
 mod wording;
 mod write;
@@ -31,7 +32,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::scene::Scene;
+use crate::scene::{Scene, VolumeScene};
 use crate::{Error, Result};
 
 pub use channels::{Channels, Paint, Scale};
@@ -44,10 +45,14 @@ pub use size::{MemorySize, parse_size};
 pub use solve::{MetricName, Quadrature, Solve, Solver, Strategy};
 pub use transform::{LookAt, Rotate, Transform};
 pub use view::{Camera, FovAxis, GltfCameraNode, Stroke, View};
+pub use volume::{
+    Capsule, Environment, Extinction, Field, FieldSource, Find, GridSize, Interpolation, Noise, Pull,
+    PropertyBounds, Range, Refraction, Shape, Shapes, Sphere, TransformsFile, Volume, VolumeDocument, VolumeView,
+};
 pub use weight::Weight;
 pub use write::write;
 
-use flaw::Flaw;
+use flaw::{Built, Flaw};
 use locate::Aim;
 use overrides::Override;
 use path::{DocumentPath, Segment};
@@ -67,14 +72,69 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Scene> {
     scene_from_bytes(&read::bytes(path)?, path, overrides)
 }
 
-/// The JSON schema of scene files (draft 2020-12).
-pub fn schema() -> Value {
-    let mut schema = schemars::schema_for!(Document);
-    schema.insert("title".to_owned(), Value::from("unscatter scene"));
+/// Reads a scene file that describes a volume, and everything that it names.
+///
+/// Errors: as [`load`].
+pub fn load_volume(path: &Path, overrides: &[String]) -> Result<VolumeScene> {
+    let bytes = read::bytes(path)?;
+    scene_of::<VolumeDocument>(&bytes, path, overrides)
+}
+
+/// What a scene file is about, as far as can be told from its outermost fields.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Subject {
+    /// Light in a homogeneous medium: [`Document`].
+    LightMap,
+    /// A volume: [`VolumeDocument`].
+    Volume,
+}
+
+/// Whether a scene file describes a volume; one that cannot be read is left to [`load`] to complain about.
+pub fn subject(path: &Path) -> Result<Subject> {
+    let bytes = read::bytes(path)?;
+    let value = std::str::from_utf8(&bytes).ok().and_then(|text| read::value(text).ok());
+    let is_volume = value.is_some_and(|value| value.get("volume").is_some());
+    Ok(if is_volume { Subject::Volume } else { Subject::LightMap })
+}
+
+/// A kind of scene file.
+trait Describes: serde::de::DeserializeOwned {
+    type Scene;
+
+    fn scene(&self, file: &Path) -> Built<Self::Scene>;
+}
+
+impl Describes for Document {
+    type Scene = Scene;
+
+    fn scene(&self, file: &Path) -> Built<Scene> {
+        self.build(file)
+    }
+}
+
+impl Describes for VolumeDocument {
+    type Scene = VolumeScene;
+
+    fn scene(&self, file: &Path) -> Built<VolumeScene> {
+        self.build(file)
+    }
+}
+
+/// The JSON schema of scene files (draft 2020-12): of light maps, or of volumes.
+pub fn schema(subject: Subject) -> Value {
+    let (mut schema, title) = match subject {
+        Subject::LightMap => (schemars::schema_for!(Document), "unscatter scene"),
+        Subject::Volume => (schemars::schema_for!(VolumeDocument), "unscatter volume scene"),
+    };
+    schema.insert("title".to_owned(), Value::from(title));
     schema.to_value()
 }
 
 fn scene_from_bytes(bytes: &[u8], file: &Path, overrides: &[String]) -> Result<Scene> {
+    scene_of::<Document>(bytes, file, overrides)
+}
+
+fn scene_of<D: Describes>(bytes: &[u8], file: &Path, overrides: &[String]) -> Result<D::Scene> {
     let (text, invalid) = match std::str::from_utf8(bytes) {
         Ok(text) => (text, None),
         Err(error) => {
@@ -87,11 +147,11 @@ fn scene_from_bytes(bytes: &[u8], file: &Path, overrides: &[String]) -> Result<S
         let problem = "the text is not UTF-8 from here on; save it as UTF-8".to_owned();
         return Err(source.error_at_offset(offset, &DocumentPath::default(), problem));
     }
-    let document = document(&mut source, overrides)?;
-    source.placed(document.build(file))
+    let document: D = document(&mut source, overrides)?;
+    source.placed(document.scene(file))
 }
 
-fn document(source: &mut Source<'_>, overrides: &[String]) -> Result<Document> {
+fn document<D: Describes>(source: &mut Source<'_>, overrides: &[String]) -> Result<D> {
     let mut value = read::value(source.text).map_err(|broken| syntax_error(source, broken))?;
     for text in overrides {
         let change = Override::parse(text)?;

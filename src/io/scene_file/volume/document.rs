@@ -1,0 +1,319 @@
+//! A volume scene as it is written.
+
+use std::path::{Path, PathBuf};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::field::GridSize;
+use super::properties::{Extinction, PropertyBounds, Volume, light_size};
+use super::view::{VolumeView, wanted};
+use crate::io::scene_file::assets::Assets;
+use crate::io::scene_file::channels::Channels;
+use crate::io::scene_file::document::{Document, Target, check_names, stem, unknown_version};
+use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
+use crate::io::scene_file::light::Light;
+use crate::io::scene_file::occluder::Occluder;
+use crate::io::scene_file::solve::Solve;
+use crate::io::transforms::Shot;
+use crate::scene::{self, FovAxis, Geometry, Mesh, VolumeScene};
+
+/// An unscatter scene of a volume. Lengths are in metres, angles in degrees, radiance is linear Rec. 709; cameras look along
+/// −Z with +Y up. File names are relative to the scene file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct VolumeDocument {
+    /// Where the schema is, for editors; ignored.
+    #[serde(rename = "$schema", default, skip_serializing_if = "Option::is_none")]
+    pub schema: Option<String>,
+    /// Version of this format: 1.
+    #[schemars(range(min = 1, max = 1))]
+    pub version: u64,
+    /// What the scene is called in titles and reports; the name of the file when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// The medium as it is before the solve.
+    pub volume: Volume,
+    /// What is looked for: one property, or several in turn, each with what was found before.
+    pub find: Find,
+    /// Suns.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lights: Vec<Light>,
+    /// Light from everywhere; none when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub environment: Option<Environment>,
+    /// Voxels of the cached light along each axis: N, or [x, y, z]; those of the extinction, but at most 64, when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_size: Option<GridSize>,
+    /// Radiance behind the volume; the environment when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub background: Option<Channels>,
+    /// Surfaces before, in and behind the volume.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub occluders: Vec<Occluder>,
+    /// Cameras and what their pictures should show.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub views: Vec<VolumeView>,
+    /// More views from a `transforms.json`: cameras and the pictures that they should show.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transforms: Option<TransformsFile>,
+    /// What a painted colour asks for: a tint of what is seen there, or radiance.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub target: Target,
+    /// How extinction is looked for.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub extinction: Extinction,
+    /// The least and the largest values of what is looked for.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub bounds: PropertyBounds,
+    /// How strongly emission and albedo are pulled to their start, relative to `solve.tikhonov`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub pull: Pull,
+    /// Whether voxels that are seen outside of a mask are left out; true when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hull: Option<bool>,
+    /// Stops by which PNG pictures are brightened, from −64 to 64.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub exposure: f64,
+    /// How the problems are solved; `lower` and `upper` are given by `bounds` here.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub solve: Solve,
+}
+
+/// What is looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Find {
+    /// Emission.
+    Emission,
+    /// Albedo, within 0 and 1.
+    Albedo,
+    /// Emission and albedo together.
+    Joint,
+    /// Extinction, for a medium of the same radiance everywhere.
+    Extinction,
+    /// Extinction first, then emission and albedo together.
+    ExtinctionThenJoint,
+    /// Extinction first, then emission.
+    ExtinctionThenEmission,
+    /// Extinction first, then albedo.
+    ExtinctionThenAlbedo,
+}
+
+/// Light from everywhere: `radiance`, or a picture of all directions.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Environment {
+    /// Radiance, one number or [r, g, b]; with a `file` a factor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radiance: Option<Channels>,
+    /// A latitude-longitude picture (HDR, EXR or PNG), relative to the scene file: +Y at the top, −Z in the middle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// Directions that the light of the volume is taken from, from 1 to 16384; 64 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub directions: Option<usize>,
+}
+
+/// Views from a `transforms.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TransformsFile {
+    /// The file, relative to the scene file.
+    pub file: String,
+    /// Every so many frames are taken; 1 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub every: Option<usize>,
+}
+
+/// How strongly properties are pulled to their start.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Pull {
+    /// Of emission; above 0.
+    pub emission: f64,
+    /// Of albedo; above 0.
+    pub albedo: f64,
+}
+
+impl Default for Pull {
+    fn default() -> Self {
+        Self { emission: 1.0, albedo: 1.0 }
+    }
+}
+
+impl VolumeDocument {
+    /// A document with everything at its default but what has none.
+    pub fn new(volume: Volume, find: Find, views: Vec<VolumeView>) -> Self {
+        Self {
+            schema: None,
+            version: Document::VERSION,
+            name: None,
+            volume,
+            find,
+            lights: Vec::new(),
+            environment: None,
+            light_size: None,
+            background: None,
+            occluders: Vec::new(),
+            views,
+            transforms: None,
+            target: Target::default(),
+            extinction: Extinction::default(),
+            bounds: PropertyBounds::default(),
+            pull: Pull::default(),
+            hull: None,
+            exposure: 0.0,
+            solve: Solve::default(),
+        }
+    }
+
+    /// The scene; `file` is where the document comes from and what file names in it are relative to.
+    pub(in crate::io::scene_file) fn build(&self, file: &Path) -> Built<VolumeScene> {
+        if self.version != Document::VERSION {
+            return Err(unknown_version(self.version));
+        }
+        let mut assets = Assets::beside(file);
+        // What is small is looked at before what may take long to read.
+        let exposure = checked("exposure", self.exposure, "from -64 to 64 stops", |e| e.abs() <= 64.0)?;
+        let usual = Solve::default();
+        for (path, is_usual) in
+            [("solve.lower", self.solve.lower == usual.lower), ("solve.upper", self.solve.upper == usual.upper)]
+        {
+            if !is_usual {
+                return Err(Flaw::new(path, "the bounds of a volume's properties are given by `bounds`"));
+            }
+        }
+        let solve = self.solve.build(scene::Basis::Nearest).at("solve")?;
+        let extinction = self.extinction.build().at("extinction")?;
+        let bounds = self.bounds.build().at("bounds")?;
+        let pull = |path: &str, value: f64| checked(path, value, "above 0", |pull| pull > 0.0);
+        let pull = [pull("emission", self.pull.emission).at("pull")?, pull("albedo", self.pull.albedo).at("pull")?];
+        let light_size = light_size(self.light_size).at("light_size")?;
+        let background = self.background.map(|color| color.rgb("background", f32::MAX)).transpose()?;
+        let environment = self.environment.clone().unwrap_or_default().build(&assets).at("environment")?;
+        let lights = self.lights.iter().enumerate();
+        let lights = lights.map(|(i, light)| light.build(&mut assets).at(&format!("lights[{i}]")));
+        let lights = lights.collect::<Built<_>>()?;
+        let medium = self.volume.build(&assets).at("volume")?;
+        let views = self.build_views(&mut assets)?;
+        let mut mesh = Mesh::default();
+        for (i, occluder) in self.occluders.iter().enumerate() {
+            occluder.add_to(&mut mesh, &mut assets).at(&format!("occluders[{i}]"))?;
+        }
+        Ok(VolumeScene {
+            name: self.name.clone().unwrap_or_else(|| stem(file)),
+            medium,
+            lights,
+            environment,
+            light_size,
+            background,
+            geometry: Geometry::new(mesh).at("occluders")?,
+            views,
+            target: self.target.into(),
+            stages: self.find.stages(),
+            extinction,
+            bounds,
+            pull,
+            hull: self.hull.unwrap_or(true),
+            solve,
+            exposure,
+        })
+    }
+
+    fn build_views(&self, assets: &mut Assets) -> Built<Vec<scene::VolumeView>> {
+        let names = self.views.iter().map(|view| view.name.as_str());
+        check_names(names)?;
+        let views = self.views.iter().enumerate();
+        let views = views.map(|(i, view)| view.build(assets).at(&format!("views[{i}]")));
+        let mut views = views.collect::<Built<Vec<_>>>()?;
+        if let Some(transforms) = &self.transforms {
+            let more = transforms.build(assets).at("transforms")?;
+            for view in more {
+                let name = &view.view.name;
+                if views.iter().any(|other| other.view.name.eq_ignore_ascii_case(name)) {
+                    let problem = format!("there are two views called `{name}`, which names files");
+                    return Err(Flaw::new("transforms.file", problem));
+                }
+                views.push(view);
+            }
+        }
+        if views.is_empty() {
+            return Err(Flaw::new("views", "there is no view; add one with a `name` and a `camera`"));
+        }
+        Ok(views)
+    }
+}
+
+impl Find {
+    fn stages(self) -> Vec<scene::Find> {
+        use scene::Find::{Albedo, Emission, Extinction, Joint};
+        match self {
+            Self::Emission => vec![Emission],
+            Self::Albedo => vec![Albedo],
+            Self::Joint => vec![Joint],
+            Self::Extinction => vec![Extinction],
+            Self::ExtinctionThenJoint => vec![Extinction, Joint],
+            Self::ExtinctionThenEmission => vec![Extinction, Emission],
+            Self::ExtinctionThenAlbedo => vec![Extinction, Albedo],
+        }
+    }
+}
+
+impl Environment {
+    fn build(&self, assets: &Assets) -> Built<scene::Environment> {
+        let directions = self.directions.unwrap_or(64);
+        let radiance = self.radiance.map(|radiance| radiance.rgb("radiance", f32::MAX)).transpose()?;
+        let Some(file) = &self.file else {
+            return Ok(scene::Environment::constant(radiance.unwrap_or([0.0; 3]), directions)?);
+        };
+        let mut picture = assets.image(file).at("file")?;
+        let factor = radiance.unwrap_or([1.0; 3]);
+        picture.pixels.iter_mut().for_each(|pixel| (0..3).for_each(|c| pixel[c] *= factor[c]));
+        Ok(scene::Environment::map(picture, directions)?)
+    }
+}
+
+impl TransformsFile {
+    fn build(&self, assets: &Assets) -> Built<Vec<scene::VolumeView>> {
+        let every = self.every.unwrap_or(1);
+        if every == 0 {
+            return Err(Flaw::value("every", every, "at least 1"));
+        }
+        let shots = assets.shots(&self.file).at("file")?;
+        let shots = shots.iter().step_by(every);
+        shots.map(|shot| self.view(shot, assets).at("file")).collect()
+    }
+
+    fn view(&self, shot: &Shot, assets: &Assets) -> Built<scene::VolumeView> {
+        let file = shot.file.to_string_lossy();
+        let picture = assets.target(&file)?;
+        let size = picture.size();
+        if shot.size.is_some_and(|said| said != size) {
+            let [w, h] = shot.size.unwrap_or(size);
+            let problem = format!("{file} has {} x {} pixels, not {w} x {h}", size[0], size[1]);
+            return Err(Flaw::new("", problem));
+        }
+        let mask = shot.mask.as_ref().map(|mask| assets.image(&mask.to_string_lossy())).transpose()?;
+        let camera = scene::Camera::new(shot.world_from_camera, shot.fov_x, FovAxis::X, size)?;
+        let name = name_of(&shot.file);
+        Ok(scene::VolumeView {
+            view: scene::View { name, camera, strokes: Vec::new(), layers: Vec::new() },
+            picture: Some(wanted(&file, size, assets)?),
+            keep: 0.0,
+            mask: mask.map(|mask| mask.pixels.iter().map(|pixel| pixel.iter().any(|&c| c > 0.5)).collect()),
+            background: None,
+        })
+    }
+}
+
+/// The file's own name with what no file name of a result may have replaced.
+fn name_of(file: &PathBuf) -> String {
+    let usual = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
+    let name: String = stem(file).chars().take(48).map(usual).collect();
+    if name.is_empty() { "view".to_owned() } else { name }
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}

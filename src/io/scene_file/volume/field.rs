@@ -1,0 +1,246 @@
+//! One property of a volume in the document.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use glam::DAffine3;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::shapes::Shapes;
+use crate::io::scene_file::assets::Assets;
+use crate::io::scene_file::channels::Channels;
+use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
+use crate::scene::{self, VoxelGrid};
+
+/// A property of a volume: a number or [r, g, b] for the same everywhere, or an object that says where it comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Field {
+    /// The same in every voxel.
+    Constant(Channels),
+    /// From a file, or made.
+    From(FieldSource),
+}
+
+/// Where a property comes from: exactly one of `value`, `file` and `made`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FieldSource {
+    /// The same in every voxel: one number or [r, g, b].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<Channels>,
+    /// A .vdb, .vol, .npy, .npz or raw (.json header) file, relative to the scene file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// Name of the grid in a .vdb file, or of the array in a .npz file, where there are several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub member: Option<String>,
+    /// Made of shapes and noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub made: Option<Shapes>,
+    /// A factor for all values; 1 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+    /// Voxels along each axis for what is constant or made: N, or [x, y, z]; the volume's when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<GridSize>,
+    /// Whether values are kept in 16 bits.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub half: bool,
+}
+
+/// Voxels along each axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GridSize {
+    /// The same along every axis.
+    Cube(usize),
+    /// Along x, y and z.
+    Sides([usize; 3]),
+}
+
+impl GridSize {
+    /// Along x, y and z.
+    pub fn sides(self) -> [usize; 3] {
+        match self {
+            Self::Cube(side) => [side; 3],
+            Self::Sides(sides) => sides,
+        }
+    }
+}
+
+impl Field {
+    /// A property made of shapes.
+    pub fn made(shapes: Shapes) -> Self {
+        Self::From(FieldSource { made: Some(shapes), ..FieldSource::default() })
+    }
+
+    fn source(&self) -> FieldSource {
+        match self {
+            Self::Constant(value) => FieldSource { value: Some(*value), ..FieldSource::default() },
+            Self::From(source) => source.clone(),
+        }
+    }
+
+    /// The size that the field has by itself, if it has one: of a file or its own setting.
+    pub(super) fn build(
+        &self,
+        assets: &Assets,
+        size: Option<[usize; 3]>,
+        world_from_cube: Option<DAffine3>,
+    ) -> Built<scene::Volume> {
+        let source = self.source();
+        let sized = |what: &str| {
+            source.size.map(GridSize::sides).or(size).ok_or_else(|| {
+                Flaw::new("", format!("a {what} property needs a number of voxels; give `volume.size`"))
+            })
+        };
+        let place = world_from_cube.unwrap_or(DAffine3::IDENTITY);
+        let volume = match (&source.value, &source.file, &source.made) {
+            (Some(value), None, None) => {
+                let color = value.wide().map(|value| value as f32);
+                let grid = VoxelGrid::over_cube(sized("constant")?, place).at("size")?;
+                scene::Volume::constant(grid, color).at("value")?
+            }
+            (None, Some(file), None) => {
+                if source.size.is_some() {
+                    return Err(Flaw::new("size", "a file has its own number of voxels; leave `size` away"));
+                }
+                let stored = assets.volume(file, source.member.as_deref()).at("file")?;
+                match world_from_cube {
+                    Some(place) => {
+                        let grid = VoxelGrid::over_cube(stored.volume.grid().size(), place)?;
+                        stored.volume.placed(grid)?
+                    }
+                    None => stored.volume,
+                }
+            }
+            (None, None, Some(shapes)) => {
+                let shapes = shapes.build().at("made")?;
+                let grid = VoxelGrid::over_cube(sized("made")?, place).at("size")?;
+                shapes.volume(grid).at("made")?
+            }
+            _ => return Err(Flaw::new("", "give exactly one of `value`, `file` and `made`")),
+        };
+        if source.member.is_some() && source.file.is_none() {
+            return Err(Flaw::new("member", "only a file has members; leave `member` away"));
+        }
+        let volume = match source.scale {
+            Some(scale) => {
+                let scale = checked("scale", scale, "finite", |_| true)? as f32;
+                volume.map(|value| value * scale).at("scale")?
+            }
+            None => volume,
+        };
+        if source.half { volume.halved().at("half") } else { Ok(volume) }
+    }
+}
+
+impl Serialize for Field {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Constant(value) => value.serialize(serializer),
+            Self::From(source) => source.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Field {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(FieldVisitor)
+    }
+}
+
+struct FieldVisitor;
+
+impl<'de> Visitor<'de> for FieldVisitor {
+    type Value = Field;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number, [r, g, b], or an object with `value`, `file` or `made`")
+    }
+
+    fn visit_f64<E>(self, value: f64) -> Result<Field, E> {
+        Ok(Field::Constant(Channels::Grey(value)))
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<Field, E> {
+        Ok(Field::Constant(Channels::Grey(value as f64)))
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<Field, E> {
+        Ok(Field::Constant(Channels::Grey(value as f64)))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, sequence: A) -> Result<Field, A::Error> {
+        Channels::deserialize(SeqAccessDeserializer::new(sequence)).map(Field::Constant)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Field, A::Error> {
+        FieldSource::deserialize(MapAccessDeserializer::new(map)).map(Field::From)
+    }
+}
+
+impl JsonSchema for Field {
+    fn schema_name() -> Cow<'static, str> {
+        "Field".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let (constant, source) =
+            (generator.subschema_for::<Channels>(), generator.subschema_for::<FieldSource>());
+        json_schema!({
+            "description": "A property of a volume: a number or [r, g, b] for the same everywhere, or where it comes from.",
+            "anyOf": [constant, source]
+        })
+    }
+}
+
+impl Serialize for GridSize {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Cube(side) => side.serialize(serializer),
+            Self::Sides(sides) => sides.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for GridSize {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(GridSizeVisitor)
+    }
+}
+
+struct GridSizeVisitor;
+
+impl<'de> Visitor<'de> for GridSizeVisitor {
+    type Value = GridSize;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a whole number or [x, y, z]")
+    }
+
+    fn visit_u64<E: serde::de::Error>(self, side: u64) -> Result<GridSize, E> {
+        let too_large = |_| E::invalid_value(serde::de::Unexpected::Unsigned(side), &self);
+        usize::try_from(side).map(GridSize::Cube).map_err(too_large)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, sequence: A) -> Result<GridSize, A::Error> {
+        <[usize; 3]>::deserialize(SeqAccessDeserializer::new(sequence)).map(GridSize::Sides)
+    }
+}
+
+impl JsonSchema for GridSize {
+    fn schema_name() -> Cow<'static, str> {
+        "GridSize".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let side = serde_json::json!({ "type": "integer", "minimum": 1, "maximum": VoxelGrid::MAX_SIDE });
+        json_schema!({
+            "description": "Voxels along each axis: N, or [x, y, z].",
+            "anyOf": [side, { "type": "array", "items": side, "minItems": 3, "maxItems": 3 }]
+        })
+    }
+}

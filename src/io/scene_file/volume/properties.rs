@@ -1,0 +1,219 @@
+//! The medium of a volume scene.
+
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::field::{Field, GridSize};
+use crate::io::scene_file::assets::Assets;
+use crate::io::scene_file::channels::Channels;
+use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
+use crate::io::scene_file::transform::Transform;
+use crate::scene::{self, VolumeMedium, VoxelGrid};
+
+/// A heterogeneous medium in a box of voxels.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Volume {
+    /// Extinction coefficient σ_t in 1/metre; not negative.
+    pub extinction: Field,
+    /// Single-scattering albedo from 0 to 1; 1 when not given.
+    #[serde(default = "white", skip_serializing_if = "is_white")]
+    pub albedo: Field,
+    /// Radiance that a piece of the medium emits per optical depth; none when not given.
+    #[serde(default = "black", skip_serializing_if = "is_black")]
+    pub emission: Field,
+    /// Where the unit cube that the voxels fill stands in the world. When not given, where a file says, else from 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_world: Option<Transform>,
+    /// Voxels along each axis for what is constant or made: N, or [x, y, z]; those of an extinction file when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<GridSize>,
+    /// What lies between the centres of voxels, and the basis of what is looked for.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub interpolation: Interpolation,
+    /// Mean cosine of the Henyey–Greenstein phase function, inside (−1, 1); 0 where there is environment light.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub g: f64,
+    /// What bends the rays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refraction: Option<Refraction>,
+}
+
+/// What lies between the centres of voxels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Interpolation {
+    /// Constant in each voxel.
+    #[default]
+    Nearest,
+    /// Trilinear between the centres.
+    Trilinear,
+}
+
+/// A changing index of refraction.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Refraction {
+    /// The index, above 0; 1 at the rim of the volume, for rays are straight outside.
+    pub index: Field,
+    /// Length of a step along a bent ray, in metres; half a voxel when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step: Option<f64>,
+}
+
+/// How extinction is looked for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Extinction {
+    /// Radiance that the medium is taken to have everywhere and in every direction.
+    pub medium_radiance: Channels,
+    /// Whether each channel has an extinction of its own.
+    pub colored: bool,
+}
+
+impl Default for Extinction {
+    fn default() -> Self {
+        Self { medium_radiance: Channels::Grey(0.0), colored: false }
+    }
+}
+
+/// The least and the largest value of a property.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Range {
+    /// The least value: one number or [r, g, b]; 0 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lower: Option<Channels>,
+    /// The largest value: one number or [r, g, b]; of albedo 1, of the others none when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub upper: Option<Channels>,
+}
+
+/// The least and the largest values of what is looked for.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PropertyBounds {
+    /// Of emission.
+    pub emission: Range,
+    /// Of albedo, inside 0 to 1.
+    pub albedo: Range,
+    /// Of extinction.
+    pub extinction: Range,
+}
+
+impl Volume {
+    pub(super) fn build(&self, assets: &Assets) -> Built<VolumeMedium> {
+        let place = self.to_world.as_ref().map(Transform::build).transpose().at("to_world")?;
+        let size = self.size.map(GridSize::sides);
+        let extinction = self.extinction.build(assets, size, place).at("extinction")?;
+        let (size, place) = (size.unwrap_or(extinction.grid().size()), extinction.grid().world_from_cube());
+        let field = |field: &Field, name: &str, range: [f32; 2], expected: &str| -> Built<_> {
+            let volume = field.build(assets, Some(size), Some(place)).at(name)?;
+            inside(&volume, range, expected).at(name)?;
+            Ok(Arc::new(volume))
+        };
+        inside(&extinction, [0.0, f32::MAX], "not negative").at("extinction")?;
+        let refraction = self.refraction.as_ref().map(|refraction| -> Built<_> {
+            let index =
+                field(&refraction.index, "index", [f32::MIN_POSITIVE, f32::MAX], "above 0").at("refraction")?;
+            if index.channels() != 1 {
+                return Err(Flaw::new("refraction.index", "rays of all channels are one; give a grey volume"));
+            }
+            let step = refraction.step.map(|step| checked("step", step, "above 0 metres", |step| step > 0.0));
+            Ok((index, step.transpose().at("refraction")?))
+        });
+        Ok(VolumeMedium {
+            albedo: field(&self.albedo, "albedo", [0.0, 1.0], "from 0 to 1")?,
+            emission: field(&self.emission, "emission", [0.0, f32::MAX], "not negative")?,
+            g: checked("g", self.g, "inside (-1, 1)", |g| g > -1.0 && g < 1.0)?,
+            interpolation: self.interpolation.into(),
+            refraction: refraction.transpose()?,
+            extinction: Arc::new(extinction),
+        })
+    }
+}
+
+/// Whether all values are in a range; a flaw that names the first voxel where they are not.
+fn inside(volume: &scene::Volume, [low, high]: [f32; 2], expected: &str) -> Built<()> {
+    let wrong = volume.samples().iter().position(|value| !(low <= value && value <= high));
+    let Some(index) = wrong else { return Ok(()) };
+    let [i, j, k] = volume.grid().voxel(index / volume.channels());
+    let value = volume.samples().get(index);
+    Err(Flaw::new("", format!("{value} in voxel ({i}, {j}, {k}) is not allowed; it must be {expected}")))
+}
+
+impl Extinction {
+    pub(super) fn build(&self) -> Built<scene::ExtinctionSettings> {
+        Ok(scene::ExtinctionSettings {
+            medium_radiance: self.medium_radiance.rgb("medium_radiance", f32::MAX)?,
+            is_grey: !self.colored,
+        })
+    }
+}
+
+impl PropertyBounds {
+    pub(super) fn build(&self) -> Built<scene::PropertyBounds> {
+        let usual = scene::PropertyBounds::default();
+        Ok(scene::PropertyBounds {
+            emission: self.emission.build(usual.emission).at("emission")?,
+            albedo: self.albedo.build(usual.albedo).at("albedo")?,
+            extinction: self.extinction.build(usual.extinction).at("extinction")?,
+        })
+    }
+}
+
+impl Range {
+    fn build(&self, [least, largest]: [[f64; 3]; 2]) -> Built<[[f64; 3]; 2]> {
+        let lower = self.lower.map_or(least, Channels::wide);
+        let upper = self.upper.map_or(largest, Channels::wide);
+        for c in 0..3 {
+            let within = |value: f64| least[c] <= value && value <= largest[c];
+            if !within(lower[c]) {
+                return Err(Flaw::value("lower", lower[c], "physically possible: not negative, of albedo at most 1"));
+            }
+            // Not `upper < lower`: a NaN must not pass.
+            if !(within(upper[c]) && lower[c] <= upper[c]) {
+                return Err(Flaw::value("upper", upper[c], "not below `lower`, of albedo at most 1"));
+            }
+        }
+        Ok([lower, upper])
+    }
+}
+
+impl From<Interpolation> for scene::Interpolation {
+    fn from(interpolation: Interpolation) -> Self {
+        match interpolation {
+            Interpolation::Nearest => Self::Nearest,
+            Interpolation::Trilinear => Self::Trilinear,
+        }
+    }
+}
+
+fn white() -> Field {
+    Field::Constant(Channels::Grey(1.0))
+}
+
+fn is_white(field: &Field) -> bool {
+    *field == white()
+}
+
+fn black() -> Field {
+    Field::Constant(Channels::Grey(0.0))
+}
+
+fn is_black(field: &Field) -> bool {
+    *field == black()
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// Voxels of the cached light.
+pub(super) fn light_size(size: Option<GridSize>) -> Built<Option<[usize; 3]>> {
+    let Some(size) = size else { return Ok(None) };
+    VoxelGrid::new(size.sides(), glam::DAffine3::IDENTITY)?;
+    Ok(Some(size.sides()))
+}

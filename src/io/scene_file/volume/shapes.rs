@@ -1,0 +1,138 @@
+//! Volumes that are made and not read.
+
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::io::scene_file::flaw::{At, Built, Flaw, checked, within};
+use crate::scene::{self, Blob, Procedural};
+
+/// A volume made of shapes with soft rims, in world space, and noise on them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Shapes {
+    /// The shapes; at least one.
+    #[schemars(length(min = 1))]
+    pub shapes: Vec<Shape>,
+    /// Value inside the shapes.
+    pub inside: f64,
+    /// Value outside; 0 when not given.
+    #[serde(default)]
+    pub outside: f64,
+    /// Over how many metres the one becomes the other; above 0.
+    pub edge: f64,
+    /// Noise, as of smoke.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<Noise>,
+}
+
+/// A shape.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Shape {
+    /// A ball.
+    Sphere(Sphere),
+    /// A cylinder with round ends, or a finger.
+    Capsule(Capsule),
+}
+
+/// A ball.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sphere {
+    /// Its middle, in metres.
+    pub center: [f64; 3],
+    /// Its radius, in metres.
+    pub radius: f64,
+}
+
+/// All points near a segment.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Capsule {
+    /// Where it begins, in metres.
+    pub from: [f64; 3],
+    /// Where it ends, in metres.
+    pub to: [f64; 3],
+    /// Its radius at both ends, in metres.
+    pub radii: [f64; 2],
+}
+
+/// Octaves of gradient noise.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Noise {
+    /// Size of the largest waves, in metres.
+    pub scale: f64,
+    /// How many octaves, from 1 to 12; each has waves half as long.
+    pub octaves: u32,
+    /// What each octave weighs of the one before, from 0 to 1.
+    pub gain: f64,
+    /// How far the rims are moved, in metres.
+    pub depth: f64,
+    /// What is taken from the value inside at most, from 0 to 1.
+    pub mottle: f64,
+    /// Other numbers give other noise.
+    pub seed: u32,
+}
+
+impl Default for Noise {
+    fn default() -> Self {
+        Self { scale: 0.5, octaves: 4, gain: 0.5, depth: 0.1, mottle: 0.5, seed: 0 }
+    }
+}
+
+impl Shapes {
+    pub(super) fn build(&self) -> Built<Procedural> {
+        if self.shapes.is_empty() {
+            return Err(Flaw::new("shapes", "there is no shape; add a `sphere` or a `capsule`"));
+        }
+        let shapes = self.shapes.iter().enumerate();
+        let blobs = shapes.map(|(i, shape)| shape.build().at(&format!("shapes[{i}]")));
+        Ok(Procedural {
+            blobs: blobs.collect::<Built<_>>()?,
+            inside: checked("inside", self.inside, "finite", |_| true)?,
+            outside: checked("outside", self.outside, "finite", |_| true)?,
+            edge: checked("edge", self.edge, "above 0 metres", |edge| edge > 0.0)?,
+            noise: self.noise.as_ref().map(Noise::build).transpose().at("noise")?,
+        })
+    }
+}
+
+impl Shape {
+    fn build(&self) -> Built<Blob> {
+        let point = |path: &str, p: [f64; 3]| -> Built<DVec3> {
+            p.iter().try_for_each(|&x| checked(path, x, "finite", |_| true).map(drop))?;
+            Ok(DVec3::from_array(p))
+        };
+        let radius = |path: &str, r: f64| checked(path, r, "above 0 metres", |r| r > 0.0);
+        match self {
+            Self::Sphere(sphere) => {
+                let center = point("center", sphere.center).at("sphere")?;
+                Ok(Blob::Sphere { center, radius: radius("radius", sphere.radius).at("sphere")? })
+            }
+            Self::Capsule(capsule) => {
+                let from = point("from", capsule.from).at("capsule")?;
+                let to = point("to", capsule.to).at("capsule")?;
+                for r in capsule.radii {
+                    radius("radii", r).at("capsule")?;
+                }
+                Ok(Blob::Capsule { from, to, radii: capsule.radii })
+            }
+        }
+    }
+}
+
+impl Noise {
+    fn build(&self) -> Built<scene::Noise> {
+        let part = |path: &str, value: f64| checked(path, value, "from 0 to 1", |v| (0.0..=1.0).contains(&v));
+        Ok(scene::Noise {
+            scale: checked("scale", self.scale, "above 0 metres", |scale| scale > 0.0)?,
+            octaves: within("octaves", self.octaves, [1, 12])?,
+            gain: part("gain", self.gain)?,
+            depth: checked("depth", self.depth, "not negative", |depth| depth >= 0.0)?,
+            mottle: part("mottle", self.mottle)?,
+            seed: self.seed,
+        })
+    }
+}

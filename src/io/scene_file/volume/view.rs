@@ -1,0 +1,123 @@
+//! Cameras of a volume scene, and what their pictures should show.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::io::scene_file::assets::Assets;
+use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
+use crate::io::scene_file::view::{Camera, Stroke, View};
+use crate::scene::{self, Image, RgbaImage};
+
+/// A camera and what its picture should show.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct VolumeView {
+    /// Names the result files of the view: letters, digits, `_` and `-`; unique also when case is ignored.
+    pub name: String,
+    /// Where it looks from, and the size of its picture.
+    pub camera: Camera,
+    /// What the picture should show: radiance from an EXR, HDR or PNG picture of the view's size, relative to the scene
+    /// file; alpha, where there is any, is the weight of a pixel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture: Option<String>,
+    /// Weights of the picture's pixels, times its alpha: the luminance of a picture of the view's size, from 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weight: Option<String>,
+    /// Where the volume is seen: a picture of the view's size, black outside. Voxels that are seen outside are left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<String>,
+    /// What is seen behind the volume, instead of the scene's background: a picture of the view's size.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub background: Option<String>,
+    /// Painted strokes, in painting order, over the layers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub strokes: Vec<Stroke>,
+    /// Painted pictures of the view's size (PNG or EXR, alpha is the weight), from the bottom up, relative to the
+    /// scene file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub layers: Vec<String>,
+    /// Weight with which pixels that nothing is painted on stay as they are, from 0 to 1, where something is painted on the
+    /// view and it has no `picture`; 1 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keep: Option<f64>,
+}
+
+impl VolumeView {
+    /// A view with nothing to show.
+    pub fn new(name: impl Into<String>, camera: Camera) -> Self {
+        Self {
+            name: name.into(),
+            camera,
+            picture: None,
+            weight: None,
+            mask: None,
+            background: None,
+            strokes: Vec::new(),
+            layers: Vec::new(),
+            keep: None,
+        }
+    }
+
+    pub(super) fn build(&self, assets: &mut Assets) -> Built<scene::VolumeView> {
+        let view = View {
+            name: self.name.clone(),
+            camera: self.camera.clone(),
+            strokes: self.strokes.clone(),
+            layers: self.layers.clone(),
+        };
+        let view = view.build(assets)?;
+        let size = view.camera.size();
+        let keep = checked("keep", self.keep.unwrap_or(1.0), "from 0 to 1", |k| (0.0..=1.0).contains(&k))?;
+        let picture = self.picture.as_ref().map(|file| wanted(file, size, assets)).transpose().at("picture")?;
+        let picture = match (picture, &self.weight) {
+            (Some(picture), Some(file)) => Some(weighted(picture, file, assets).at("weight")?),
+            (None, Some(_)) => {
+                return Err(Flaw::new("weight", "there is no `picture` whose pixels it could weigh"));
+            }
+            (picture, None) => picture,
+        };
+        let image = |file: &Option<String>| -> Built<Option<Image>> {
+            file.as_ref().map(|file| sized(assets.image(file)?, size)).transpose()
+        };
+        let mask = image(&self.mask).at("mask")?;
+        Ok(scene::VolumeView {
+            view,
+            picture,
+            keep: keep as f32,
+            mask: mask.map(|mask| mask.pixels.iter().map(|pixel| pixel.iter().any(|&c| c > 0.5)).collect()),
+            background: image(&self.background).at("background")?,
+        })
+    }
+}
+
+/// A target picture with its weights.
+pub(super) fn wanted(file: &str, size: [usize; 2], assets: &Assets) -> Built<RgbaImage> {
+    let picture = assets.target(file)?;
+    let [width, height] = picture.size();
+    if [width, height] != size {
+        return Err(other_size([width, height], size));
+    }
+    Ok(picture)
+}
+
+fn weighted(mut picture: RgbaImage, file: &str, assets: &Assets) -> Built<RgbaImage> {
+    let weights = sized(assets.image(file)?, picture.size())?;
+    for (pixel, weight) in picture.pixels.iter_mut().zip(&weights.pixels) {
+        let luminance = 0.2126 * weight[0] + 0.7152 * weight[1] + 0.0722 * weight[2];
+        if !(-1e-6..=1.0 + 1e-6).contains(&luminance) {
+            return Err(Flaw::value("", luminance, "weights from 0 to 1"));
+        }
+        pixel[3] *= luminance.clamp(0.0, 1.0);
+    }
+    Ok(picture)
+}
+
+fn sized(image: Image, size: [usize; 2]) -> Built<Image> {
+    if image.size() == size { Ok(image) } else { Err(other_size(image.size(), size)) }
+}
+
+fn other_size([w, h]: [usize; 2], [width, height]: [usize; 2]) -> Flaw {
+    let problem =
+        format!("the picture has {w} x {h} pixels and its view {width} x {height}; they must be the same");
+    Flaw::new("", problem)
+}
