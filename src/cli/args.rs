@@ -3,6 +3,8 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::io::scene_file::Subject;
+use crate::io::volume::Format;
+use crate::{Error, Result};
 
 /// Inverse rendering of light in media: paint what the picture should look like, get the light behind it.
 #[derive(Debug, Parser)]
@@ -28,6 +30,8 @@ pub(crate) struct Arguments {
 pub(crate) enum Command {
     /// Find the light map behind painted strokes.
     LightMap(LightMapArguments),
+    /// Find the emission, albedo or extinction of a volume behind target pictures.
+    Volume(VolumeArguments),
     /// Draw the views of a scene, under its plain light or under a light map.
     Render(RenderArguments),
     /// Say what a solve would take, without doing it.
@@ -116,6 +120,80 @@ pub(crate) struct LightMapArguments {
     /// Write the light map and the pictures every N iterations.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) preview_every: Option<u32>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct VolumeArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    #[command(flatten)]
+    pub(crate) backend: BackendArguments,
+    #[command(flatten)]
+    pub(crate) output: OutputArguments,
+    /// What to look for, instead of what the scene says: emission, albedo, joint, extinction, or extinction-then-joint,
+    /// extinction-then-emission, extinction-then-albedo.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) find: Option<String>,
+    /// The method, instead of the scene's: fista, spectral, lbfgs, mprgp, flexible-cgls or clamped-cgls within bounds;
+    /// cgls, lsqr or lsmr without.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) solver: Option<String>,
+    /// Iterations at most, instead of the scene's.
+    #[arg(long, value_name = "N")]
+    pub(crate) iterations: Option<u32>,
+    /// Stop when the projected gradient (for solvers without bounds, the normal residual) has fallen to this part of its
+    /// start, instead of the scene's.
+    #[arg(long, value_name = "X")]
+    pub(crate) tolerance: Option<f64>,
+    /// Files to write what was found to: vdb, npy, npz, vol, raw, or all; may be repeated. npy and vdb by default.
+    #[arg(long = "format", value_name = "FORMAT")]
+    pub(crate) formats: Vec<String>,
+    /// Pictures from all around, for the report.
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(0..=720))]
+    pub(crate) turntable: u32,
+    /// Bit-identical results in every run; the processor always gives them, graphics adapters at a price.
+    #[arg(long)]
+    pub(crate) deterministic: bool,
+    /// Continue from the checkpoint in the output folder.
+    #[arg(long)]
+    pub(crate) resume: bool,
+    /// Write the pictures as they are every N iterations.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) preview_every: Option<u32>,
+}
+
+impl VolumeArguments {
+    /// The flags that stand for values of the scene.
+    pub(crate) fn solve_overrides(&self) -> Vec<String> {
+        let flag = |name: &str, value: Option<String>| value.map(|value| format!("{name}={value}"));
+        [
+            flag("find", self.find.clone()),
+            flag("solve.solver", self.solver.clone()),
+            flag("solve.iterations", self.iterations.map(|n| n.to_string())),
+            flag("solve.tolerance", self.tolerance.map(|x| x.to_string())),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
+    /// The formats that results are written in.
+    ///
+    /// Errors: [`Error::Value`] for a name that is none.
+    pub(crate) fn formats(&self) -> Result<Vec<Format>> {
+        if self.formats.is_empty() {
+            return Ok(vec![Format::Npy, Format::Vdb]);
+        }
+        let mut formats = Vec::new();
+        for name in &self.formats {
+            match Format::ALL.into_iter().find(|format| format.name().eq_ignore_ascii_case(name)) {
+                Some(format) => formats.push(format),
+                None if name == "all" => formats.extend(Format::ALL),
+                None => return Err(Error::value("--format", name, "vdb, npy, npz, vol, raw or all")),
+            }
+        }
+        Ok(formats)
+    }
 }
 
 #[derive(Debug, Args)]

@@ -1,4 +1,4 @@
-//! The part of `light-map` that what computes matters to: from the problem to its solution, and how well that does.
+//! The part of a solve that what computes matters to: from the problem to its solution, and how well that does.
 
 use std::time::{Duration, Instant};
 
@@ -6,10 +6,12 @@ use super::progress::{Steps, interrupted};
 use super::resume::Keeper;
 use crate::cpu::Storage;
 use crate::operator::{CpuVector, adjoint_test};
-use crate::problem::{Assessment, Assessor, LightMapProblem, Paused, Solved, TransportOperator, solve};
+use crate::problem::{
+    Assessment, Assessor, LightMapProblem, Paused, Snapshot, Solved, TransportOperator, solve,
+};
 use crate::report::Work;
 use crate::scene::{Rgb, Scene};
-use crate::solve::Control;
+use crate::solve::{Control, History};
 use crate::{Error, Result};
 
 /// How often a checkpoint is written.
@@ -20,16 +22,96 @@ const SEED: u64 = 1;
 /// An adjoint that is off by more says that the device computes something else: ten thousand roundings of f32.
 const TRUSTED: f64 = 1e-3;
 
+/// What is watched while a problem is solved.
+#[derive(Clone, Copy)]
+pub(super) struct Watch<'a> {
+    pub(super) checkpoint: &'a Keeper,
+    /// How often to call what shows the unknowns so far.
+    pub(super) preview_every: Option<usize>,
+    /// Iterations at most.
+    pub(super) iterations: usize,
+    /// The graphics adapter that computes, if one does.
+    pub(super) adapter: Option<&'a str>,
+}
+
+/// What is called after every iteration.
+pub(super) type Each<'a> = dyn FnMut(&History, &mut dyn Snapshot) -> Result<Control> + 'a;
+
+/// A solution, and what there is to know about the operator.
+pub(super) struct Trial {
+    pub(super) coverage: CpuVector,
+    pub(super) adjoint_error: f64,
+    pub(super) storage: Storage,
+    pub(super) solved: Solved,
+}
+
+impl Watch<'_> {
+    /// Tests an operator and solves with it: the bar moves, previews and checkpoints are written, Ctrl-C is heard. `each` is
+    /// called after every iteration.
+    pub(super) fn solve<O: TransportOperator>(
+        &self,
+        operator: &O,
+        weights: &CpuVector,
+        each: &mut dyn FnMut(),
+        steps: &mut Steps,
+        preview: &dyn Fn(&[Rgb]) -> Result<()>,
+        solve: impl FnOnce(&CpuVector, &mut Each) -> Result<Solved>,
+    ) -> Result<Trial> {
+        let coverage = operator.squares(weights)?;
+        let adjoint_error = adjoint_test(operator, 1, SEED)?.error;
+        if let Some(adapter) = self.adapter {
+            trust(adapter, adjoint_error)?;
+        }
+        let storage = operator.storage();
+        tracing::info!(?storage, adjoint_error, "operator");
+
+        steps.begin("solving", Some(self.iterations as u64));
+        let mut saved = Instant::now();
+        let solved = solve(&coverage, &mut |history, snapshot| {
+            each();
+            if let Some(last) = history.progress.last() {
+                let worst = last.normal_residual.iter().copied().fold(0.0, f64::max);
+                steps.advance(last.iteration as u64, format!("normal residual {worst:.1e}"));
+                if self.preview_every.is_some_and(|every| last.iteration % every == 0) {
+                    preview(&snapshot.elements()?)?;
+                }
+            }
+            if saved.elapsed() > CHECKPOINT_EVERY {
+                self.checkpoint.keep(history, &snapshot.state()?);
+                saved = Instant::now();
+            }
+            Ok(if interrupted() { Control::Stop } else { Control::Continue })
+        })?;
+        Ok(Trial { coverage, adjoint_error, storage, solved })
+    }
+}
+
+/// The processor, in words.
+pub(super) fn processor() -> String {
+    format!("{}, {} threads", super::machine::processor(), rayon::current_num_threads())
+}
+
+/// What a graphics adapter was given to do, given how often it had been waited for after each iteration.
+#[cfg(feature = "gpu")]
+pub(super) fn work(gpu: &crate::gpu::Gpu, trips: &[u64], deterministic: bool) -> Work {
+    Work {
+        round_trips: gpu.round_trips(),
+        round_trips_an_iteration: match trips {
+            [first, .., last] => Some((last - first) as f64 / (trips.len() - 1) as f64),
+            _ => None,
+        },
+        dispatches: gpu.dispatches(),
+        bytes: gpu.held(),
+        deterministic,
+    }
+}
+
 /// A light-map problem on its way.
 #[derive(Clone, Copy)]
 pub(super) struct Task<'a> {
     pub(super) scene: &'a Scene,
     pub(super) problem: &'a LightMapProblem,
-    pub(super) checkpoint: &'a Keeper,
-    /// How often to call what shows the light map so far.
-    pub(super) preview_every: Option<usize>,
-    /// The graphics adapter that computes, if one does.
-    pub(super) adapter: Option<&'a str>,
+    pub(super) watch: Watch<'a>,
 }
 
 /// A light map, and what there is to know about it.
@@ -49,7 +131,7 @@ pub(super) struct Computed {
 
 impl Task<'_> {
     /// Solves with the operator that `make` makes, and assesses the solution; `each` is called after every iteration.
-    pub(super) fn compute<O: TransportOperator>(
+    fn compute<O: TransportOperator>(
         &self,
         make: impl FnOnce() -> Result<O>,
         each: &mut dyn FnMut(),
@@ -60,38 +142,17 @@ impl Task<'_> {
         let (scene, problem) = (self.scene, self.problem);
         steps.begin("walking", None);
         let operator = make()?;
-        let coverage = operator.squares(&problem.weights())?;
-        let adjoint_error = adjoint_test(&operator, 1, SEED)?.error;
-        if let Some(adapter) = self.adapter {
-            trust(adapter, adjoint_error)?;
-        }
-        let storage = operator.storage();
-        tracing::info!(?storage, adjoint_error, "operator");
-
-        steps.begin("solving", Some(scene.solve.iterations as u64));
-        let mut saved = Instant::now();
-        let solved = solve(problem, &operator, &coverage, &scene.solve, resumed, |history, snapshot| {
-            each();
-            if let Some(last) = history.progress.last() {
-                let worst = last.normal_residual.iter().copied().fold(0.0, f64::max);
-                steps.advance(last.iteration as u64, format!("normal residual {worst:.1e}"));
-                if self.preview_every.is_some_and(|every| last.iteration % every == 0) {
-                    preview(&snapshot.elements()?)?;
-                }
-            }
-            if saved.elapsed() > CHECKPOINT_EVERY {
-                self.checkpoint.keep(history, &snapshot.state()?);
-                saved = Instant::now();
-            }
-            Ok(if interrupted() { Control::Stop } else { Control::Continue })
-        })?;
-
+        let trial =
+            self.watch.solve(&operator, &problem.weights(), each, steps, preview, |coverage, each| {
+                solve(problem, &operator, coverage, &scene.solve, resumed, each)
+            })?;
         steps.begin("assessing", None);
         let views = scene.views.len();
         let assessor = Assessor::new(problem, &operator)?;
         let start = vec![problem.start; problem.maps.light_map.len()];
         let before = assessor.assess(&start, views)?;
-        let after = assessor.assess(&solved.x, views)?;
+        let after = assessor.assess(&trial.solved.x, views)?;
+        let Trial { coverage, adjoint_error, storage, solved } = trial;
         let computed = Computed {
             coverage,
             adjoint_error,
@@ -100,7 +161,7 @@ impl Task<'_> {
             before,
             after,
             backend: "cpu",
-            device: format!("{}, {} threads", super::machine::processor(), rayon::current_num_threads()),
+            device: processor(),
             work: None,
         };
         Ok((computed, operator))
@@ -135,24 +196,21 @@ impl Task<'_> {
         let mut trips = Vec::new();
         let mut each = || trips.push(gpu.round_trips());
         let record = gpu.record();
-        let task = Task { adapter: Some(&record.name), ..*self };
+        let task = Task { watch: Watch { adapter: Some(&record.name), ..self.watch }, ..*self };
         let (computed, operator) = task.compute(make, &mut each, resumed, steps, preview)?;
         Ok(Computed {
             backend: "gpu",
-            device: format!("{} ({}, {})", record.name, record.interface, record.driver),
-            work: Some(Work {
-                round_trips: gpu.round_trips(),
-                round_trips_an_iteration: match trips[..] {
-                    [first, .., last] => Some((last - first) as f64 / (trips.len() - 1) as f64),
-                    _ => None,
-                },
-                dispatches: gpu.dispatches(),
-                bytes: gpu.held(),
-                deterministic: operator.is_deterministic(),
-            }),
+            device: device(&record),
+            work: Some(work(gpu, &trips, operator.is_deterministic())),
             ..computed
         })
     }
+}
+
+/// A graphics adapter, in words.
+#[cfg(feature = "gpu")]
+pub(super) fn device(record: &crate::gpu::AdapterRecord) -> String {
+    format!("{} ({}, {})", record.name, record.interface, record.driver)
 }
 
 /// Errors: [`Error::Adapter`] when T and Tᵀ of an adapter do not match, so that nothing it says can be trusted.

@@ -1,8 +1,10 @@
 //! What computes: the processor, or a graphics adapter.
 
 use super::args::{Backend, BackendArguments};
+use super::resume::Keeper;
 #[cfg(feature = "gpu")]
 use crate::gpu::{Choice, Fault, Gpu, may_have_hardware};
+use crate::problem::Paused;
 use crate::{Error, Result};
 
 /// What computes.
@@ -13,6 +15,15 @@ pub(super) enum Engine {
     /// A graphics adapter; `or_cpu` where the processor may take its place when it fails.
     #[cfg(feature = "gpu")]
     Gpu { gpu: Gpu, or_cpu: bool },
+}
+
+/// What computes at the moment.
+pub(super) enum On {
+    /// The processor.
+    Cpu,
+    /// A graphics adapter.
+    #[cfg(feature = "gpu")]
+    Gpu(Gpu),
 }
 
 /// A fault to simulate, so that what happens then can be tested: see ARCHITECTURE.md.
@@ -60,6 +71,38 @@ impl Engine {
             }),
             _ => Ok(Self::Cpu),
         }
+    }
+}
+
+impl Engine {
+    /// Lets what computes do some work. When an adapter fails at it and the processor may take its place, it goes on from the
+    /// last checkpoint of this run, or from what was resumed, and computes all that follows, too.
+    pub(super) fn run<T>(
+        &mut self,
+        checkpoint: &Keeper,
+        resume: bool,
+        resumed: Option<Paused>,
+        mut work: impl FnMut(On, Option<Paused>) -> Result<T>,
+    ) -> Result<T> {
+        #[cfg(feature = "gpu")]
+        if let Self::Gpu { gpu, or_cpu } = self {
+            match work(On::Gpu(gpu.clone()), resumed) {
+                Err(error) if *or_cpu && error.is_of_adapter() => {
+                    tracing::warn!("{error}");
+                    // What the adapter has saved is not lost: its state is as good as the processor's own.
+                    let resumed = checkpoint.latest().or_else(|| checkpoint.read().ok().filter(|_| resume));
+                    tracing::warn!(
+                        "computing on the processor, from {}",
+                        if resumed.is_some() { "the last checkpoint" } else { "the start" }
+                    );
+                    *self = Self::Cpu;
+                    return work(On::Cpu, resumed);
+                }
+                done => return done,
+            }
+        }
+        let _only_after_a_failure = (checkpoint, resume);
+        work(On::Cpu, resumed)
     }
 }
 

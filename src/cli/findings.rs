@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 
 use super::compute::Computed;
 use super::{job, machine};
+use crate::cpu::Storage;
 use crate::problem::{LightMapProblem, Weights};
 use crate::report::{
     Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord,
@@ -34,16 +35,7 @@ impl Findings<'_> {
             }
             .to_owned(),
             solver: self.scene.solve.solver.name().to_owned(),
-            strategy: RowStrategy {
-                name: match (storage.kept_rows, storage.walked_rows) {
-                    (_, 0) => "assembled",
-                    (0, _) => "matrix-free",
-                    _ => "mixed",
-                }
-                .to_owned(),
-                kept_rows: storage.kept_rows as u64,
-                walked_rows: storage.walked_rows as u64,
-            },
+            strategy: strategy(&storage),
             problem: self.size(),
             regularization: Regularization {
                 tikhonov: self.computed.solved.weights.tikhonov,
@@ -51,7 +43,7 @@ impl Findings<'_> {
                 gradient: self.computed.solved.weights.gradient,
             },
             settings: self.settings(),
-            history: self.history(),
+            history: history(&self.computed.solved.outcome),
             certificate: self.certificate(),
             set_up_applications: self.computed.solved.set_up_applications as u64,
             stop: StopRecord { reason: stop.reason.name().to_owned(), iteration: stop.iteration as u64 },
@@ -65,6 +57,7 @@ impl Findings<'_> {
             skipped: self.skipped(),
             adjoint_error: self.computed.adjoint_error,
             coverage: self.covered(),
+            stages: Vec::new(),
         }
     }
 
@@ -123,17 +116,6 @@ impl Findings<'_> {
             at_bounds: if keeps_bounds { held as u64 } else { 0 },
             restarts: history.restarts as u64,
         }
-    }
-
-    fn history(&self) -> Vec<Step> {
-        let step = |entry: &crate::solve::Progress| Step {
-            iteration: entry.iteration as u64,
-            seconds: entry.seconds,
-            operator_applications: entry.operator_applications as u64,
-            residual: entry.residual,
-            normal_residual: entry.normal_residual,
-        };
-        self.computed.solved.outcome.history.progress.iter().map(step).collect()
     }
 
     fn matched(&self) -> Vec<ViewMatch> {
@@ -218,6 +200,32 @@ impl Findings<'_> {
     }
 }
 
+/// How rows were applied.
+pub(super) fn strategy(storage: &Storage) -> RowStrategy {
+    RowStrategy {
+        name: match (storage.kept_rows, storage.walked_rows) {
+            (_, 0) => "assembled",
+            (0, _) => "matrix-free",
+            _ => "mixed",
+        }
+        .to_owned(),
+        kept_rows: storage.kept_rows as u64,
+        walked_rows: storage.walked_rows as u64,
+    }
+}
+
+/// The history of a solve.
+pub(super) fn history(outcome: &Outcome) -> Vec<Step> {
+    let step = |entry: &crate::solve::Progress| Step {
+        iteration: entry.iteration as u64,
+        seconds: entry.seconds,
+        operator_applications: entry.operator_applications as u64,
+        residual: entry.residual,
+        normal_residual: entry.normal_residual,
+    };
+    outcome.history.progress.iter().map(step).collect()
+}
+
 /// The bounds in words.
 fn bounds(solve: &SolveSettings) -> String {
     if !solve.solver.keeps_bounds() {
@@ -235,7 +243,7 @@ fn bounds(solve: &SolveSettings) -> String {
 }
 
 /// The weights as a scene file would give them.
-fn weights(weights: &Weights) -> String {
+pub(super) fn weights(weights: &Weights) -> String {
     let Weights { tikhonov, gradient, laplacian } = weights;
     format!(
         "tikhonov {tikhonov:.3e}, gradient {gradient:.3e}, laplacian {laplacian:.3e}, relative to the columns"

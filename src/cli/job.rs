@@ -1,8 +1,9 @@
 use super::args::SceneArguments;
 use super::machine;
 use crate::cpu::Tiling;
+use crate::io::scene_file::Subject;
 use crate::problem::LightMapProblem;
-use crate::scene::{MetricName, Scene};
+use crate::scene::{MetricName, Scene, SolveSettings, VolumeScene};
 use crate::{Error, Result, io};
 
 const COLOR: usize = size_of::<[f32; 3]>();
@@ -14,21 +15,53 @@ const SHADOW_TEXEL: usize = 15;
 /// Errors: those of [`io::scene_file::load`], and [`Error::TooLarge`] when its pictures and maps alone exceed the
 /// memory that may be used: that is known from their sizes, before any of them is made.
 pub(super) fn load(arguments: &SceneArguments, flags: &[String]) -> Result<Scene> {
-    let mut overrides = arguments.overrides.clone();
-    overrides.extend_from_slice(flags);
-    overrides.extend(arguments.memory.iter().map(|size| format!("solve.memory=\"{size}\"")));
-    let scene = io::scene_file::load(&arguments.scene, &overrides)?;
+    if io::scene_file::subject(&arguments.scene)? == Subject::Volume {
+        return Err(Error::value(
+            arguments.scene.display().to_string(),
+            "a scene with a `volume`",
+            "a scene without; volumes are found by `unscatter volume`",
+        ));
+    }
+    let scene = io::scene_file::load(&arguments.scene, &overrides(arguments, flags))?;
     tracing::info!(name = scene.name, views = scene.views.len(), "scene");
-    check_memory("the scene's pictures and maps", least_bytes(&scene), allowed(&scene))?;
+    check_memory("the scene's pictures and maps", least_bytes(&scene), allowed(&scene.solve), REMEDY)?;
     Ok(scene)
 }
 
-/// Bytes that may be used.
-fn allowed(scene: &Scene) -> u64 {
-    scene.solve.memory.unwrap_or_else(machine::default_budget)
+/// Reads the volume scene of a command, with its overrides and those that its flags stand for.
+///
+/// Errors: those of [`io::scene_file::load_volume`], and [`Error::TooLarge`] when its volumes and pictures alone exceed the
+/// memory that may be used.
+pub(super) fn load_volume(arguments: &SceneArguments, flags: &[String]) -> Result<VolumeScene> {
+    if io::scene_file::subject(&arguments.scene)? == Subject::LightMap {
+        return Err(Error::value(
+            arguments.scene.display().to_string(),
+            "a scene without `volume`",
+            "a volume scene; light maps are found by `unscatter light-map`",
+        ));
+    }
+    let scene = io::scene_file::load_volume(&arguments.scene, &overrides(arguments, flags))?;
+    tracing::info!(name = scene.name, views = scene.views.len(), "scene");
+    super::volume::check_scene(&scene)?;
+    Ok(scene)
 }
 
-fn check_memory(what: &str, needed: u64, allowed: u64) -> Result<()> {
+/// The overrides of a command, and those that its flags stand for.
+fn overrides(arguments: &SceneArguments, flags: &[String]) -> Vec<String> {
+    let mut overrides = arguments.overrides.clone();
+    overrides.extend_from_slice(flags);
+    overrides.extend(arguments.memory.iter().map(|size| format!("solve.memory=\"{size}\"")));
+    overrides
+}
+
+/// Bytes that may be used.
+pub(super) fn allowed(settings: &SolveSettings) -> u64 {
+    settings.memory.unwrap_or_else(machine::default_budget)
+}
+
+const REMEDY: &str = "raise --memory, or lower light_map.size, shadow_map.size or the views' sizes";
+
+pub(super) fn check_memory(what: &str, needed: u64, allowed: u64, remedy: &'static str) -> Result<()> {
     if needed <= allowed {
         return Ok(());
     }
@@ -36,7 +69,7 @@ fn check_memory(what: &str, needed: u64, allowed: u64) -> Result<()> {
         what: what.to_owned(),
         needed: mebibytes(needed),
         limit: mebibytes(allowed),
-        remedy: "raise --memory, or lower light_map.size, shadow_map.size or the views' sizes",
+        remedy,
     })
 }
 
@@ -44,15 +77,15 @@ fn check_memory(what: &str, needed: u64, allowed: u64) -> Result<()> {
 ///
 /// Errors: [`Error::TooLarge`] when everything else does not fit.
 pub(super) fn budget(scene: &Scene, problem: &LightMapProblem) -> Result<u64> {
-    let (allowed, needed) = (allowed(scene), fixed_bytes(scene, problem));
-    check_memory("the solve without its matrix", needed, allowed)?;
+    let (allowed, needed) = (allowed(&scene.solve), fixed_bytes(scene, problem));
+    check_memory("the solve without its matrix", needed, allowed, REMEDY)?;
     Ok(allowed - needed)
 }
 
 /// Leaves the metric of tiles where it would take more than its share of the memory, for one that takes next to none.
 pub(super) fn settle_metric(scene: &mut Scene, problem: &LightMapProblem) {
     let bytes = metric_bytes(scene, problem);
-    if bytes > allowed(scene) / 4 {
+    if bytes > allowed(&scene.solve) / 4 {
         let needed = mebibytes(bytes);
         tracing::warn!(
             "solve.metric: the tiles would need {needed}, over a quarter of the memory; using `sqs`"

@@ -1,13 +1,13 @@
 use super::args::LightMapArguments;
-use super::compute::{Computed, Task};
-use super::engine::Engine;
+use super::compute::{Computed, Task, Watch};
+use super::engine::{Engine, On};
 use super::findings::Findings;
 use super::placement::Placement;
 use super::progress::{Steps, watch_interrupt};
 use super::results::{Folder, Painted, ViewPictures};
 use super::{Done, Manners, job, resume};
 use crate::operator::CpuVector;
-use crate::problem::{Assessment, LightMapProblem, Paused, render};
+use crate::problem::{Assessment, LightMapProblem, render};
 use crate::report::{self, Report};
 use crate::scene::{Image, Rgb, Scene};
 use crate::solve::StopReason;
@@ -18,24 +18,31 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
     let mut scene = job::load(&arguments.scene, &arguments.solve_overrides())?;
-    let engine = Engine::choose(&arguments.backend)?;
+    let mut engine = Engine::choose(&arguments.backend)?;
     let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
     watch_interrupt()?;
 
     steps.begin("tracing", None);
     let problem = trace(&scene, &engine, arguments.rasterize)?;
     job::settle_metric(&mut scene, &problem);
-    let checkpoint = resume::Keeper::new(&folder, &scene, &problem);
+    let checkpoint = resume::Keeper::new(&folder, resume::of_light_map(&scene, &problem));
     let resumed = if arguments.resume { Some(checkpoint.read()?) } else { None };
     let task = Task {
         scene: &scene,
         problem: &problem,
-        checkpoint: &checkpoint,
-        preview_every: arguments.preview_every.map(|every| every as usize),
-        adapter: None,
+        watch: Watch {
+            checkpoint: &checkpoint,
+            preview_every: arguments.preview_every.map(|every| every as usize),
+            iterations: scene.solve.iterations,
+            adapter: None,
+        },
     };
     let preview = |texels: &[Rgb]| preview(&scene, &problem, &folder, texels);
-    let computed = compute(&task, engine, arguments, resumed, &mut steps, &preview)?;
+    let computed = engine.run(&checkpoint, arguments.resume, resumed, |on, resumed| match on {
+        On::Cpu => task.on_cpu(resumed, &mut steps, &preview),
+        #[cfg(feature = "gpu")]
+        On::Gpu(gpu) => task.on_gpu(&gpu, arguments.deterministic, resumed, &mut steps, &preview),
+    })?;
     let Computed { solved, before, after, coverage, .. } = &computed;
     checkpoint.write(&folder.file("checkpoint"), &solved.outcome.history, &solved.state)?;
 
@@ -48,6 +55,7 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     let in_page = report::Pictures {
         views: pictures.iter().map(|view| view.write(&folder, scene.exposure)).collect::<Result<_>>()?,
         light_map: folder.write_picture("light_map", &light_map, exposure_of(&problem))?,
+        turntable: Vec::new(),
         coverage: Some(folder.write_png("coverage", &coverage_picture, 0.0)?),
     };
     let findings = Findings { scene: &scene, problem: &problem, computed: &computed };
@@ -85,45 +93,6 @@ fn trace(scene: &Scene, engine: &Engine, rasterize: bool) -> Result<LightMapProb
             remedy: "choose one by --backend gpu or --adapter, or leave --rasterize away",
         }),
     }
-}
-
-#[cfg(feature = "gpu")]
-fn compute(
-    task: &Task,
-    engine: Engine,
-    arguments: &LightMapArguments,
-    resumed: Option<Paused>,
-    steps: &mut Steps,
-    preview: &dyn Fn(&[Rgb]) -> Result<()>,
-) -> Result<Computed> {
-    let Engine::Gpu { gpu, or_cpu } = engine else { return task.on_cpu(resumed, steps, preview) };
-    match task.on_gpu(&gpu, arguments.deterministic, resumed, steps, preview) {
-        Err(error) if or_cpu && error.is_of_adapter() => {
-            tracing::warn!("{error}");
-            // What the adapter has saved is not lost: its state is as good as the processor's own.
-            let resumed =
-                task.checkpoint.latest().or_else(|| task.checkpoint.read().ok().filter(|_| arguments.resume));
-            tracing::warn!(
-                "computing on the processor, from {}",
-                if resumed.is_some() { "the last checkpoint" } else { "the start" }
-            );
-            task.on_cpu(resumed, steps, preview)
-        }
-        computed => computed,
-    }
-}
-
-#[cfg(not(feature = "gpu"))]
-fn compute(
-    task: &Task,
-    engine: Engine,
-    _arguments: &LightMapArguments,
-    resumed: Option<Paused>,
-    steps: &mut Steps,
-    preview: &dyn Fn(&[Rgb]) -> Result<()>,
-) -> Result<Computed> {
-    let Engine::Cpu = engine;
-    task.on_cpu(resumed, steps, preview)
 }
 
 impl LightMapArguments {

@@ -17,6 +17,7 @@ mod progress;
 mod render;
 mod results;
 mod resume;
+mod volume;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -85,6 +86,7 @@ pub fn main() -> ExitCode {
 fn run(command: &Command, manners: &Manners) -> Result<Done> {
     match command {
         Command::LightMap(arguments) => light_map::run(arguments, manners),
+        Command::Volume(arguments) => volume::run(arguments, manners),
         Command::Render(arguments) => render::run(arguments, manners),
         Command::Plan(arguments) => plan::run(arguments, manners),
         Command::Check(arguments) => check::run(arguments, manners),

@@ -3,8 +3,8 @@ use std::path::{Path, PathBuf};
 
 use super::results::Folder;
 use crate::io::Checkpoint;
-use crate::problem::{LightMapProblem, Paused};
-use crate::scene::Scene;
+use crate::problem::{LightMapProblem, Paused, VolumeProblem};
+use crate::scene::{Scene, SolveSettings};
 use crate::solve::{History, Measure, Progress, Progressing, State};
 use crate::{Error, Result};
 
@@ -21,12 +21,9 @@ pub(super) struct Keeper {
 }
 
 impl Keeper {
-    pub(super) fn new(folder: &Folder, scene: &Scene, problem: &LightMapProblem) -> Self {
-        Self {
-            path: folder.path().join("checkpoint"),
-            fingerprint: fingerprint(scene, problem),
-            kept: Cell::new(false),
-        }
+    /// Keeps the solve with this fingerprint.
+    pub(super) fn new(folder: &Folder, fingerprint: u64) -> Self {
+        Self { path: folder.path().join("checkpoint"), fingerprint, kept: Cell::new(false) }
     }
 
     /// Writes the checkpoint where [`Keeper::read`] finds it; a failure is no reason to lose the solve.
@@ -97,8 +94,39 @@ impl Keeper {
     }
 }
 
-/// A hash of everything that the path of a solve depends on; limits may change between its parts.
-fn fingerprint(scene: &Scene, problem: &LightMapProblem) -> u64 {
+/// A hash of everything that the path of a volume's solve depends on; limits may change between its parts.
+pub(super) fn of_volume(settings: &SolveSettings, problem: &VolumeProblem) -> u64 {
+    let mut hash = Mixed(0);
+    let transport = problem.traversal.transport();
+    let words = format!(
+        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?}",
+        settings.solver,
+        problem.formulation().bounds,
+        problem.formulation().steering,
+        settings.metric,
+        settings.quadrature,
+        settings.regularization,
+        settings.strategy,
+        settings.transmittance_bound,
+        transport.basis,
+        problem.size(),
+    );
+    words.bytes().for_each(|byte| hash.add(byte.into()));
+    for row in 0..problem.targets.len() {
+        let ray = problem.traversal.rays().ray(row);
+        let length = problem.traversal.rays().length(row);
+        let numbers = [ray.origin.to_array(), ray.direction.to_array(), [length; 3]];
+        numbers.iter().flatten().for_each(|number| hash.add(number.to_bits()));
+        let numbers = [problem.targets[row], problem.weights[row]];
+        numbers.iter().flatten().for_each(|number| hash.add(number.to_bits().into()));
+    }
+    problem.start.iter().flatten().for_each(|number| hash.add(number.to_bits().into()));
+    transport.density.volume().samples().iter().for_each(|number| hash.add(number.to_bits().into()));
+    hash.0
+}
+
+/// A hash of everything that the path of a light map's solve depends on.
+pub(super) fn of_light_map(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let settings = &scene.solve;
     let mut hash = Mixed(0);
     let words = format!(

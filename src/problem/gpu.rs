@@ -1,27 +1,30 @@
 use rayon::prelude::*;
 
 use super::transport::{brought, fetched};
-use super::{LightMapOperator, LightMapProblem, TransportOperator};
-use crate::cpu::{Rows, Storage, TileMetric, Tiling};
+use super::{HostOperator, LightMapProblem, TransportOperator, VolumeProblem};
+use crate::cpu::{self, Storage, TileMetric, Tiling, WalkPlan};
 use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, RowTable, Transport, Walked};
-use crate::march::Weight;
+use crate::march::{LightMapTraversal, Traversal, VolumeTraversal, Weight};
 use crate::operator::{CpuVector, LinearOperator, Metric};
 use crate::scene::Strategy;
 use crate::{Error, Result};
 
 /// `T` of a light-map problem on a graphics adapter.
+pub type GpuLightMapOperator = GpuOperator<LightMapTraversal>;
+
+/// `T` of a traversal on a graphics adapter.
 ///
 /// Rows that are kept are walked once by the processor, in f64; rows that are not are walked by the adapter.
 #[derive(Debug)]
-pub struct GpuLightMapOperator {
+pub struct GpuOperator<T> {
     gpu: Gpu,
     transport: Transport,
     /// The same rows on the processor: what the kept ones and the tiles are made from.
-    rows: LightMapOperator,
+    rows: HostOperator<T>,
     storage: Storage,
 }
 
-impl GpuLightMapOperator {
+impl GpuOperator<LightMapTraversal> {
     /// Keeps all rows on the adapter where `strategy` and the `budget` in bytes allow, else walks them there; `deterministic`
     /// sums are the same in every run.
     ///
@@ -35,13 +38,86 @@ impl GpuLightMapOperator {
         deterministic: bool,
     ) -> Result<Self> {
         check_brightness(gpu, problem)?;
-        let channels = if problem.is_grey() { 1 } else { 3 };
-        let (rows, elements) = (problem.constraints.len(), problem.maps.light_map.len());
-        let bytes = Kept::bytes(problem.plan.nonzeros, rows, elements, channels);
+        let colored = !problem.is_grey();
+        Self::of(
+            gpu,
+            &Rows {
+                count: problem.constraints.len(),
+                elements: problem.maps.light_map.len(),
+                channels: if colored { 3 } else { 1 },
+                plan: &problem.plan,
+            },
+            (strategy, budget),
+            &|strategy, budget| problem.operator_with(strategy, budget),
+            || Ok(Transport::Walked(Box::new(Walked::new(gpu, &problem.traversal, colored, deterministic)?))),
+        )
+    }
+}
+
+impl GpuOperator<VolumeTraversal> {
+    /// Keeps all rows on the adapter where `strategy` and the `budget` in bytes allow, else walks them there; `deterministic`
+    /// sums are the same in every run.
+    ///
+    /// Errors: [`Error::TooLarge`] when all rows must be kept and exceed the budget, [`Error::AdapterMemory`].
+    pub fn of_volume(
+        gpu: &Gpu,
+        problem: &VolumeProblem,
+        strategy: Strategy,
+        budget: u64,
+        deterministic: bool,
+    ) -> Result<Self> {
+        let _walks_alone_are_not = deterministic;
+        let size = Rows {
+            count: problem.targets.len(),
+            elements: problem.start.len(),
+            channels: if problem.is_grey() { 1 } else { 3 },
+            plan: &problem.plan,
+        };
+        Self::of(
+            gpu,
+            &size,
+            (strategy, budget),
+            &|strategy, budget| problem.operator(strategy, budget),
+            || {
+                Err(Error::Adapter {
+                    adapter: gpu.record().name.clone(),
+                    problem: "cannot walk this volume".to_owned(),
+                    remedy: "choose the strategy `assembled`, or use --backend cpu",
+                })
+            },
+        )
+    }
+}
+
+/// How many rows there are to keep.
+struct Rows<'a> {
+    count: usize,
+    elements: usize,
+    channels: usize,
+    plan: &'a WalkPlan,
+}
+
+impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
+    fn of(
+        gpu: &Gpu,
+        size: &Rows,
+        (strategy, budget): (Strategy, u64),
+        host: &dyn Fn(Strategy, u64) -> Result<HostOperator<T>>,
+        walk: impl FnOnce() -> Result<Transport>,
+    ) -> Result<Self> {
+        let bytes = Kept::bytes(size.plan.nonzeros, size.count, size.elements, size.channels);
+        let keep = || -> Result<_> {
+            let rows = host(Strategy::Assembled, u64::MAX)?;
+            let table = match &rows {
+                HostOperator::Grey(transport) => table(transport),
+                HostOperator::Colored(transport) => table(transport),
+            };
+            Ok((Kept::new(gpu, table, size.elements)?, rows))
+        };
         let kept = match strategy {
             Strategy::MatrixFree => None,
             // Once on the adapter, once on the processor while it is made.
-            _ if 2 * bytes <= budget => match Self::keep(gpu, problem) {
+            _ if 2 * bytes <= budget => match keep() {
                 Err(error) if strategy == Strategy::Auto && is_of_size(&error) => None,
                 kept => Some(kept?),
             },
@@ -66,25 +142,11 @@ impl GpuLightMapOperator {
                 (Transport::Kept(kept), rows, storage)
             }
             None => {
-                let walked = Walked::new(gpu, &problem.traversal, !problem.is_grey(), deterministic)?;
-                let storage = Storage { walked_rows: rows, ..Storage::default() };
-                (
-                    Transport::Walked(Box::new(walked)),
-                    problem.operator_with(Strategy::MatrixFree, 0)?,
-                    storage,
-                )
+                let storage = Storage { walked_rows: size.count, ..Storage::default() };
+                (walk()?, host(Strategy::MatrixFree, 0)?, storage)
             }
         };
         Ok(Self { gpu: gpu.clone(), transport, rows, storage })
-    }
-
-    fn keep(gpu: &Gpu, problem: &LightMapProblem) -> Result<(Kept, LightMapOperator)> {
-        let rows = problem.operator_with(Strategy::Assembled, u64::MAX)?;
-        let table = match &rows {
-            LightMapOperator::Grey(transport) => table(transport),
-            LightMapOperator::Colored(transport) => table(transport),
-        };
-        Ok((Kept::new(gpu, table, problem.maps.light_map.len())?, rows))
     }
 
     /// Whether its products are the same bits in every run.
@@ -122,7 +184,7 @@ fn is_of_size(error: &Error) -> bool {
 /// Rows that one task reads.
 const ROWS_AT_ONCE: usize = 1024;
 
-fn table<const C: usize>(rows: &impl Rows<f32, C>) -> RowTable {
+fn table<const C: usize>(rows: &impl cpu::Rows<f32, C>) -> RowTable {
     let starts: Vec<usize> = (0..rows.rows()).step_by(ROWS_AT_ONCE).collect();
     let part = |start: usize| {
         let mut part = RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); C] };
@@ -139,7 +201,7 @@ fn table<const C: usize>(rows: &impl Rows<f32, C>) -> RowTable {
     RowTable::joined(&parts, C)
 }
 
-impl LinearOperator for GpuLightMapOperator {
+impl<T: Traversal<f64, 1> + Traversal<f64, 3>> LinearOperator for GpuOperator<T> {
     type Domain = GpuVector;
     type Range = GpuVector;
 
@@ -160,7 +222,7 @@ impl LinearOperator for GpuLightMapOperator {
     }
 }
 
-impl TransportOperator for GpuLightMapOperator {
+impl<T: Traversal<f64, 1> + Traversal<f64, 3>> TransportOperator for GpuOperator<T> {
     type Vector = GpuVector;
 
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
@@ -177,11 +239,11 @@ impl TransportOperator for GpuLightMapOperator {
     ) -> Result<Box<dyn Metric<GpuVector>>> {
         let (gpu, unknowns) = (&self.gpu, added.len());
         Ok(Box::new(match &self.rows {
-            LightMapOperator::Grey(transport) => {
+            HostOperator::Grey(transport) => {
                 let metric = TileMetric::new(transport, tiling, weights, added)?;
                 gpu::TileMetric::new(gpu, unknowns, metric.blocks())?
             }
-            LightMapOperator::Colored(transport) => {
+            HostOperator::Colored(transport) => {
                 let metric = TileMetric::new(transport, tiling, weights, added)?;
                 gpu::TileMetric::new(gpu, unknowns, metric.blocks())?
             }

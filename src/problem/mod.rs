@@ -23,7 +23,7 @@ pub use constraints::{Constraint, constraints};
 pub use extents::{Maps, fit};
 pub use formulation::{Formulation, Lattice, Start};
 #[cfg(feature = "gpu")]
-pub use gpu::GpuLightMapOperator;
+pub use gpu::{GpuLightMapOperator, GpuOperator};
 use light_map::luminance;
 
 pub use light_map::LightMapProblem;

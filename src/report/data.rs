@@ -63,6 +63,25 @@ pub struct Report {
     pub adjoint_error: f64,
     /// Which unknowns the painted pixels determine.
     pub coverage: Coverage,
+    /// What was looked for in turn, where that was more than one thing or a volume; the numbers above are of the last.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<StageRecord>,
+}
+
+/// One property that was looked for.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct StageRecord {
+    /// `emission`, `albedo`, `joint` or `extinction`.
+    pub find: String,
+    /// How large the problem was.
+    pub problem: Problem,
+    /// How far the pictures were from what was wanted, and how far they are, under the model of the stage.
+    pub weighted_residual: Change,
+    /// Why and when it stopped.
+    pub stop: StopRecord,
+    /// How near the end is to a solution.
+    pub certificate: Certificate,
 }
 
 /// What a graphics adapter was given to do.
@@ -227,6 +246,11 @@ pub struct Coverage {
 }
 
 impl Report {
+    /// Whether it is about a volume, not a light map.
+    pub(super) fn is_of_volume(&self) -> bool {
+        self.command == "volume"
+    }
+
     /// The text of `report.json`: indented, its fields in the order in which they are declared.
     ///
     /// Errors: [`Error::NonFinite`] with the path of the first number that is a NaN or an infinity, such as

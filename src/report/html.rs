@@ -3,9 +3,9 @@
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::data::{Change, Report, ViewMatch};
+use super::data::{Change, Report, StageRecord, ViewMatch};
 use super::page;
-use super::words::{count, counted, degrees, escaped, percent};
+use super::words::{Nouns, count, counted, degrees, escaped, percent};
 use crate::{Error, Result};
 
 /// The pictures of a page, each a PNG file in memory.
@@ -17,6 +17,8 @@ pub struct Pictures {
     pub light_map: Vec<u8>,
     /// How strongly the painted pixels determine each of its texels.
     pub coverage: Option<Vec<u8>>,
+    /// What was found from all around, in place of a light map.
+    pub turntable: Vec<Vec<u8>>,
 }
 
 /// The pictures of one view, each a PNG file in memory.
@@ -48,7 +50,7 @@ pub fn html(report: &Report, pictures: &Pictures) -> Result<String> {
     let parts = [
         head(report),
         page::opening(report),
-        light_map(report, pictures)?,
+        found(report, pictures)?,
         views(report, pictures)?,
         page::convergence(report)?,
         page::skipped(report),
@@ -68,6 +70,49 @@ fn head(report: &Report) -> String {
          <title>{} · unscatter</title>\n<style>\n{}</style>\n</head>\n<body>\n",
         escaped(&report.scene),
         include_str!("page.css")
+    )
+}
+
+/// What was found: a light map, or a volume from all around.
+fn found(report: &Report, pictures: &Pictures) -> Result<String> {
+    if report.is_of_volume() { volume(report, pictures) } else { light_map(report, pictures) }
+}
+
+fn volume(report: &Report, pictures: &Pictures) -> Result<String> {
+    let turns: String = pictures
+        .turntable
+        .iter()
+        .enumerate()
+        .map(|(index, png)| {
+            let angle = degrees(360.0 * index as f64 / pictures.turntable.len() as f64);
+            figure("turn", &angle, "", &format!("turntable[{index}]"), png)
+        })
+        .collect::<Result<_>>()?;
+    let stages: String = report.stages.iter().map(stage).collect();
+    let turns = match turns.is_empty() {
+        true => turns,
+        false => format!("<div class=\"turns\">\n{turns}</div>\n"),
+    };
+    Ok(format!(
+        "<section>\n<h2>Volume</h2>\n{turns}<table class=\"facts stages\">\n<thead><tr><th>looked for</th><th>pixels\
+         </th><th>voxels</th><th>iterations</th><th>before</th><th>after</th></tr></thead>\n<tbody>\n{stages}</tbody>\n\
+         </table>\n<p>Voxels that no wanted ray reaches keep their start value: {} of {}.</p>\n</section>\n",
+        count(report.coverage.unreached),
+        count(report.coverage.total),
+    ))
+}
+
+/// One line of the table of what was looked for.
+fn stage(stage: &StageRecord) -> String {
+    format!(
+        "<tr><th>{}</th><td>{}</td><td>{}</td><td>{} ({})</td><td>{}</td><td>{}</td></tr>\n",
+        escaped(&stage.find),
+        count(stage.problem.rows),
+        count(stage.problem.active_unknowns),
+        count(stage.stop.iteration),
+        escaped(&stage.stop.reason),
+        percent(stage.weighted_residual.before),
+        percent(stage.weighted_residual.after),
     )
 }
 
@@ -105,7 +150,7 @@ fn views(report: &Report, pictures: &Pictures) -> Result<String> {
     let mut sections = String::new();
     for (index, view) in pictures.views.iter().enumerate() {
         let matched = report.matched.iter().find(|matched| matched.view == view.name);
-        sections.push_str(&one_view(index, view, matched)?);
+        sections.push_str(&one_view(index, view, matched, &Nouns::of(report))?);
     }
     if sections.is_empty() {
         return Ok(sections);
@@ -113,31 +158,25 @@ fn views(report: &Report, pictures: &Pictures) -> Result<String> {
     Ok(format!("<section>\n<h2>Views</h2>\n{sections}</section>\n"))
 }
 
-fn one_view(index: usize, view: &ViewPictures, matched: Option<&ViewMatch>) -> Result<String> {
+fn one_view(index: usize, view: &ViewPictures, matched: Option<&ViewMatch>, nouns: &Nouns) -> Result<String> {
     let part = |class, title, note, name: &str, png| {
         figure(class, title, note, &format!("views[{index}].{name}"), png)
     };
-    let facts = matched.map(facts).unwrap_or_default();
+    let facts = matched.map(|matched| facts(matched, nouns)).unwrap_or_default();
     Ok(format!(
         "<article class=\"view\">\n<h3>{}</h3>\n<div class=\"pictures\">\n{}{}{}\
          <figure class=\"compare\" hidden></figure>\n<div class=\"aside\">\n{}{facts}</div>\n</div>\n</article>\n",
         escaped(&view.name),
-        part("target", "Target", "what was painted", "target", &view.target)?,
-        part("before", "Before", "under the light at the start", "before", &view.before)?,
-        part("after", "After", "under the light that was found", "after", &view.after)?,
-        part(
-            "difference",
-            "Difference",
-            "how far the shafts miss the paint",
-            "difference",
-            &view.difference
-        )?,
+        part("target", "Target", nouns.target, "target", &view.target)?,
+        part("before", "Before", nouns.before, "before", &view.before)?,
+        part("after", "After", nouns.after, "after", &view.after)?,
+        part("difference", "Difference", nouns.difference, "difference", &view.difference)?,
     ))
 }
 
 /// How well a view matches, as a small table.
-fn facts(matched: &ViewMatch) -> String {
-    let mut rows = row("Distance to the paint", matched.weighted_residual, percent);
+fn facts(matched: &ViewMatch, nouns: &Nouns) -> String {
+    let mut rows = row(nouns.distance, matched.weighted_residual, percent);
     if let Some(error) = matched.hue_error {
         rows.push_str(&row("Hue error", error, degrees));
     }
@@ -151,7 +190,7 @@ fn facts(matched: &ViewMatch) -> String {
     format!(
         "<table class=\"facts\">\n<thead><tr><th></th><th>before</th><th>after</th></tr></thead>\n\
          <tbody>\n{rows}</tbody>\n</table>\n<p class=\"note\">{}{agreeing}.</p>\n",
-        counted(matched.painted_pixels, "painted pixel")
+        counted(matched.painted_pixels, nouns.pixel)
     )
 }
 

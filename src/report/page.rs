@@ -2,7 +2,9 @@
 
 use super::data::Report;
 use super::plot;
-use super::words::{self, bytes, count, counted, degrees, escaped, label, number, percent, seconds, share};
+use super::words::{
+    self, Nouns, bytes, count, counted, degrees, escaped, label, number, percent, seconds, share,
+};
 use crate::Result;
 
 /// Title, the summary sentence and the four numbers that matter most.
@@ -26,13 +28,15 @@ fn summary(report: &Report) -> String {
         None => String::new(),
     };
     let time = total(report).map(|s| format!(", in {}", seconds(s))).unwrap_or_default();
+    let nouns = Nouns::of(report);
     format!(
-        "{}, {}: they moved from {} to {} away from the paint{hue}{time}. \
+        "{}, {}: they moved from {} to {} away from {}{hue}{time}. \
          It stopped {}, after {}.",
         counted(report.problem.views, "view"),
-        counted(painted_pixels(report), "painted pixel"),
+        counted(painted_pixels(report), nouns.pixel),
         percent(residual.before),
         percent(residual.after),
+        nouns.wanted,
         escaped(&words::stopped(&report.stop.reason)),
         counted(report.stop.iteration, "iteration"),
     )
@@ -43,13 +47,14 @@ fn tiles(report: &Report) -> String {
         format!("<s>{before}</s><span aria-label=\"to\"> → </span><b>{after}</b>")
     };
     let residual = report.weighted_residual;
-    let mut tiles = tile("Distance to the paint", change(percent(residual.before), percent(residual.after)));
+    let mut tiles =
+        tile(Nouns::of(report).distance, change(percent(residual.before), percent(residual.after)));
     if let Some([before, after]) = hue_error(report) {
         tiles.push_str(&tile("Hue error", change(degrees(before), degrees(after))));
     }
     let coverage = &report.coverage;
     let reached = percent(share(coverage.reached, coverage.total));
-    tiles.push_str(&tile("Light map reached", format!("<b>{reached}</b>")));
+    tiles.push_str(&tile(Nouns::of(report).reached, format!("<b>{reached}</b>")));
     if let Some(time) = total(report) {
         tiles.push_str(&tile("Time", format!("<b>{}</b>", seconds(time))));
     }
@@ -99,12 +104,16 @@ pub(super) fn convergence(report: &Report) -> Result<String> {
         let svg = plot::chart(chart)?.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1);
         charts.push_str(&format!("<figure class=\"chart\">{svg}</figure>\n"));
     }
+    let nouns = Nouns::of(report);
     let applications = report.history.last().map_or(0, |step| step.operator_applications);
     Ok(format!(
         "<section>\n<h2>Convergence</h2>\n<div class=\"charts\">\n{charts}</div>\n<p>The residual is how far the \
-         picture is from the paint; it levels off where strokes ask for what no light map can do. The \
-         normal residual is how much there is left to gain; it falls to zero at the best light map. \
+         picture is from {}; it levels off where {}. The \
+         normal residual is how much there is left to gain; it falls to zero at the best {}. \
          {} of the transport in {}{}.</p>\n<p>{}</p>\n</section>\n",
+        nouns.wanted,
+        nouns.impossible,
+        nouns.thing,
         counted(applications, "application"),
         counted(report.stop.iteration, "iteration"),
         match report.set_up_applications {
@@ -117,19 +126,20 @@ pub(super) fn convergence(report: &Report) -> Result<String> {
 
 /// The proof at the end, in words.
 fn certificate(report: &Report) -> String {
-    let certificate = &report.certificate;
+    let (certificate, nouns) = (&report.certificate, Nouns::of(report));
     let worst = certificate.value.iter().copied().fold(0.0, f64::max);
     let (what, bounds) = match certificate.kind.as_str() {
         "projected-gradient" => (
             "projected gradient",
-            format!(" {} are held at a bound.", counted(certificate.at_bounds, "texel")),
+            format!(" {} are held at a bound.", counted(certificate.at_bounds, nouns.unknown)),
         ),
-        _ => ("gradient", " Texels may be negative: this solver keeps no bounds.".to_owned()),
+        _ => ("gradient", format!(" A {} may be negative: this solver keeps no bounds.", nouns.unknown)),
     };
     format!(
         "Certificate: computed anew at the end, the {what} has {} of the norm that it started with; \
-         at the best light map it would be zero.{bounds}",
-        number(worst)
+         at the best {} it would be zero.{bounds}",
+        number(worst),
+        nouns.thing
     )
 }
 
@@ -210,7 +220,11 @@ pub(super) fn settings(report: &Report) -> String {
     let problem = &report.problem;
     let strategy = &report.strategy;
     let size = problem.size.iter().map(u64::to_string).collect::<Vec<_>>().join(" × ");
-    let unknowns = if size.is_empty() { count(problem.unknowns) } else { format!("{size} RGB texels") };
+    let unknowns = if size.is_empty() {
+        count(problem.unknowns)
+    } else {
+        format!("{size} RGB {}s", Nouns::of(report).unknown)
+    };
     let mut pairs = vec![
         ("Painted colour means".to_string(), report.target.clone()),
         ("Solver".into(), report.solver.clone()),

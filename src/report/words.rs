@@ -1,5 +1,58 @@
 //! Numbers and names as a person reads them.
 
+use super::data::Report;
+
+/// What things are called in a report about a light map, or about a volume.
+pub(super) struct Nouns {
+    pub(super) pixel: &'static str,
+    pub(super) unknown: &'static str,
+    /// What is looked for.
+    pub(super) thing: &'static str,
+    /// What the pictures are compared with.
+    pub(super) wanted: &'static str,
+    pub(super) distance: &'static str,
+    pub(super) reached: &'static str,
+    pub(super) target: &'static str,
+    pub(super) before: &'static str,
+    pub(super) after: &'static str,
+    pub(super) difference: &'static str,
+    /// Where the residual levels off.
+    pub(super) impossible: &'static str,
+}
+
+impl Nouns {
+    pub(super) fn of(report: &Report) -> Self {
+        if report.is_of_volume() {
+            return Self {
+                pixel: "wanted pixel",
+                unknown: "voxel",
+                thing: "volume",
+                wanted: "the targets",
+                distance: "Distance to the target",
+                reached: "Voxels found",
+                target: "what the picture should show",
+                before: "the volume at the start",
+                after: "the volume that was found",
+                difference: "how far the picture misses the target",
+                impossible: "targets ask for what no volume can do",
+            };
+        }
+        Self {
+            pixel: "painted pixel",
+            unknown: "texel",
+            thing: "light map",
+            wanted: "the paint",
+            distance: "Distance to the paint",
+            reached: "Light map reached",
+            target: "what was painted",
+            before: "under the light at the start",
+            after: "under the light that was found",
+            difference: "how far the shafts miss the paint",
+            impossible: "strokes ask for what no light map can do",
+        }
+    }
+}
+
 /// No line break between a number and its unit.
 const GAP: char = '\u{a0}';
 
@@ -142,6 +195,11 @@ pub(super) fn skipped(name: &str) -> String {
         "empty_cells" => "Stretches of rays through empty space: passed over in large steps",
         "dark_cells" => "Far ends of rays, from where next to no light arrives",
         "channel_iterations" => "Iterations of colour channels that had already converged",
+        "empty_bricks" => "Bricks of 8 × 8 × 8 voxels with nothing to find: passed in one step",
+        "outside_hull" => "Voxels outside the visual hull of the masks: they are no unknowns",
+        "without_logarithm" => {
+            "Pixels that no extinction explains: brighter or darker than background and medium"
+        }
         "walks" => "Ray walks that keeping the non-zeros in memory saved",
         other => return label(other),
     }

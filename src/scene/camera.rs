@@ -64,6 +64,14 @@ impl Camera {
         Ok(Self { world_from_camera, camera_from_world: world_from_camera.inverse(), size, half_extent })
     }
 
+    /// The same camera moved in the world, with a picture of another size.
+    ///
+    /// Errors: [`Error::Value`] for a size that is not allowed, or a singular move.
+    pub fn moved(&self, world_from_world: DAffine3, size: [usize; 2]) -> Result<Self> {
+        let fov = 2.0 * self.half_extent.y.atan().to_degrees();
+        Self::new(world_from_world * self.world_from_camera, fov, FovAxis::Y, size)
+    }
+
     /// Width and height of the picture in pixels.
     pub fn size(&self) -> [usize; 2] {
         self.size

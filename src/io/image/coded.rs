@@ -8,7 +8,9 @@ use ::image::{
 };
 use rayon::prelude::*;
 
-use super::{Alpha, Format, Source, check_size, file_error, format_error, linear_from_srgb, srgb_from_linear};
+use super::{
+    Alpha, Format, Source, check_size, file_error, format_error, linear_from_srgb, srgb_from_linear,
+};
 use crate::scene::{Camera, Image};
 use crate::{Error, Result};
 

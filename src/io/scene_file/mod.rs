@@ -46,8 +46,9 @@ pub use solve::{MetricName, Quadrature, Solve, Solver, Strategy};
 pub use transform::{LookAt, Rotate, Transform};
 pub use view::{Camera, FovAxis, GltfCameraNode, Stroke, View};
 pub use volume::{
-    Capsule, Environment, Extinction, Field, FieldSource, Find, GridSize, Interpolation, Noise, Pull,
-    PropertyBounds, Range, Refraction, Shape, Shapes, Sphere, TransformsFile, Volume, VolumeDocument, VolumeView,
+    Capsule, Environment, Extinction, Field, FieldSource, Find, GridSize, Interpolation, Noise,
+    PropertyBounds, Pull, Range, Refraction, Shape, Shapes, Sphere, TransformsFile, Volume, VolumeDocument,
+    VolumeView,
 };
 pub use weight::Weight;
 pub use write::write;

@@ -19,6 +19,11 @@ pub struct PixelRays {
 }
 
 impl PixelRays {
+    /// Rays of one camera, whatever view their pixels `[view, pixel]` name.
+    pub fn seen_by_one(camera: Camera, pixels: impl Into<Arc<[[u32; 2]]>>) -> Self {
+        Self { cameras: Arc::new([camera]), pixels: pixels.into(), lengths: Arc::new([]) }
+    }
+
     /// Rays through pixels `[view, pixel]`. `lengths` are in metres along the rays up to the first surface; none where there
     /// are no surfaces.
     pub fn new(cameras: Arc<[Camera]>, pixels: impl Into<Arc<[[u32; 2]]>>, lengths: Arc<[f64]>) -> Self {
@@ -97,7 +102,8 @@ impl PixelRays {
     #[inline]
     pub(super) fn line(&self, row: usize) -> Line {
         let [view, pixel] = self.pixels[row];
-        let camera = &self.cameras[view as usize];
+        // Of a single camera all rays are seen by it.
+        let camera = &self.cameras[(view as usize).min(self.cameras.len() - 1)];
         let width = camera.size()[0];
         let ray = camera.pixel_ray(pixel as usize % width, pixel as usize / width);
         Line { origin: ray.origin, direction: ray.direction }

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::cpu::{Beam, light_volume};
 use crate::march::{Density, InScattering, LitVolume, PixelRays, Refraction, VolumeTransport};
@@ -48,13 +49,11 @@ impl Optics {
     }
 
     /// How far rays go before they meet a surface; empty where there are no surfaces.
-    pub fn lengths(&self, scene: &VolumeScene, pixels: &[[u32; 2]]) -> Vec<f64> {
-        use rayon::prelude::*;
+    pub fn lengths(&self, scene: &VolumeScene, rays: &PixelRays) -> Vec<f64> {
         if scene.geometry.mesh().triangles.is_empty() {
             return Vec::new();
         }
-        let rays = open_rays(scene, pixels);
-        (0..pixels.len()).into_par_iter().map(|row| self.end(scene, &rays, row).0).collect()
+        (0..rays.len()).into_par_iter().map(|row| self.end(scene, rays, row).0).collect()
     }
 
     /// What a ray sees behind the volume: the radiance there, before it passes the medium.
@@ -67,7 +66,8 @@ impl Optics {
             return self.surface(scene, point, hit.normal, hit.albedo);
         }
         let [view, pixel] = rays.pixel(row);
-        match (&scene.views[view as usize].background, scene.background) {
+        let picture = scene.views.get(view as usize).and_then(|view| view.background.as_ref());
+        match (picture, scene.background) {
             (Some(picture), _) => picture.pixels[pixel as usize],
             (None, Some(color)) => color,
             (None, None) => scene.environment.radiance(ray.direction),

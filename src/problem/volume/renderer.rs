@@ -4,7 +4,7 @@ use super::optics::{Optics, open_rays};
 use crate::Result;
 use crate::cpu::near_medium;
 use crate::march::{Part, PixelRays, Quantity, VolumeTraversal, channel};
-use crate::scene::{Image, Rgb, Volume, VolumeMedium, VolumeScene};
+use crate::scene::{Camera, Image, Rgb, Volume, VolumeMedium, VolumeScene};
 use std::sync::Arc;
 
 /// How the radiance of a medium is computed.
@@ -53,11 +53,24 @@ impl<'a> VolumeRenderer<'a> {
         let size = self.scene.views[view].view.camera.size();
         let pixels: Vec<[u32; 2]> =
             (0..(size[0] * size[1]) as u32).map(|pixel| [view as u32, pixel]).collect();
-        let lengths = self.optics.lengths(self.scene, &pixels);
-        let rays = open_rays(self.scene, &pixels).until(lengths.into());
-        let traversal = self.traversal(rays);
-        let colors = (0..pixels.len()).into_par_iter().map(|row| self.radiance(&traversal, row)).collect();
-        Image::new(size, colors)?.finite(&self.scene.views[view].view.name)
+        self.draw(&self.scene.views[view].view.name, open_rays(self.scene, &pixels), size)
+    }
+
+    /// The whole picture of a camera that is none of the scene's views.
+    pub fn picture_from(&self, camera: &Camera) -> Result<Image> {
+        let size = camera.size();
+        // Views of the scene have pictures behind them; this one has not.
+        let nobody = u32::MAX;
+        let pixels: Vec<[u32; 2]> = (0..(size[0] * size[1]) as u32).map(|pixel| [nobody, pixel]).collect();
+        self.draw("the turned picture", PixelRays::seen_by_one(camera.clone(), pixels), size)
+    }
+
+    fn draw(&self, what: &str, rays: PixelRays, size: [usize; 2]) -> Result<Image> {
+        let lengths = self.optics.lengths(self.scene, &rays);
+        let traversal = self.traversal(rays.until(lengths.into()));
+        let count = size[0] * size[1];
+        let colors = (0..count).into_par_iter().map(|row| self.radiance(&traversal, row)).collect();
+        Image::new(size, colors)?.finite(what)
     }
 
     /// The rows of some rays through the medium.

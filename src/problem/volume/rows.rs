@@ -71,8 +71,9 @@ impl VolumeProblem {
     ) -> Result<Self> {
         let searched = Searched::new(scene, medium, optics, find)?;
         let (pixels, unwanted) = wanted_pixels(desired);
-        let lengths = optics.lengths(scene, &pixels);
-        let rays = open_rays(scene, &pixels).until(lengths.into());
+        let rays = open_rays(scene, &pixels);
+        let lengths = optics.lengths(scene, &rays);
+        let rays = rays.until(lengths.into());
         let all = VolumeTraversal::new(optics.transport(scene, medium), rays, searched.parts.clone());
         let fixed = Fixed::new(scene, medium, optics, &searched, find);
         let rows: Vec<Row> = (0..pixels.len())
@@ -175,6 +176,14 @@ impl VolumeProblem {
     /// Voxels along each axis.
     pub fn size(&self) -> [usize; 3] {
         self.size
+    }
+
+    /// Bricks of voxels in which nothing is looked for, and all bricks.
+    pub fn empty_bricks(&self) -> [usize; 2] {
+        self.traversal.parts().iter().fold([0, 0], |[empty, all], part| {
+            let [more, others] = part.voxels().empty_bricks();
+            [empty + more, all + others]
+        })
     }
 
     /// Whether one weight serves all channels.

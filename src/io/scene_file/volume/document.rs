@@ -177,9 +177,10 @@ impl VolumeDocument {
         // What is small is looked at before what may take long to read.
         let exposure = checked("exposure", self.exposure, "from -64 to 64 stops", |e| e.abs() <= 64.0)?;
         let usual = Solve::default();
-        for (path, is_usual) in
-            [("solve.lower", self.solve.lower == usual.lower), ("solve.upper", self.solve.upper == usual.upper)]
-        {
+        for (path, is_usual) in [
+            ("solve.lower", self.solve.lower == usual.lower),
+            ("solve.upper", self.solve.upper == usual.upper),
+        ] {
             if !is_usual {
                 return Err(Flaw::new(path, "the bounds of a volume's properties are given by `bounds`"));
             }
@@ -188,7 +189,8 @@ impl VolumeDocument {
         let extinction = self.extinction.build().at("extinction")?;
         let bounds = self.bounds.build().at("bounds")?;
         let pull = |path: &str, value: f64| checked(path, value, "above 0", |pull| pull > 0.0);
-        let pull = [pull("emission", self.pull.emission).at("pull")?, pull("albedo", self.pull.albedo).at("pull")?];
+        let pull =
+            [pull("emission", self.pull.emission).at("pull")?, pull("albedo", self.pull.albedo).at("pull")?];
         let light_size = light_size(self.light_size).at("light_size")?;
         let background = self.background.map(|color| color.rgb("background", f32::MAX)).transpose()?;
         let environment = self.environment.clone().unwrap_or_default().build(&assets).at("environment")?;

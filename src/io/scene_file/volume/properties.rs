@@ -116,10 +116,13 @@ impl Volume {
         };
         inside(&extinction, [0.0, f32::MAX], "not negative").at("extinction")?;
         let refraction = self.refraction.as_ref().map(|refraction| -> Built<_> {
-            let index =
-                field(&refraction.index, "index", [f32::MIN_POSITIVE, f32::MAX], "above 0").at("refraction")?;
+            let index = field(&refraction.index, "index", [f32::MIN_POSITIVE, f32::MAX], "above 0")
+                .at("refraction")?;
             if index.channels() != 1 {
-                return Err(Flaw::new("refraction.index", "rays of all channels are one; give a grey volume"));
+                return Err(Flaw::new(
+                    "refraction.index",
+                    "rays of all channels are one; give a grey volume",
+                ));
             }
             let step = refraction.step.map(|step| checked("step", step, "above 0 metres", |step| step > 0.0));
             Ok((index, step.transpose().at("refraction")?))
@@ -171,7 +174,11 @@ impl Range {
         for c in 0..3 {
             let within = |value: f64| least[c] <= value && value <= largest[c];
             if !within(lower[c]) {
-                return Err(Flaw::value("lower", lower[c], "physically possible: not negative, of albedo at most 1"));
+                return Err(Flaw::value(
+                    "lower",
+                    lower[c],
+                    "physically possible: not negative, of albedo at most 1",
+                ));
             }
             // Not `upper < lower`: a NaN must not pass.
             if !(within(upper[c]) && lower[c] <= upper[c]) {

@@ -68,7 +68,8 @@ impl VolumeView {
         let view = view.build(assets)?;
         let size = view.camera.size();
         let keep = checked("keep", self.keep.unwrap_or(1.0), "from 0 to 1", |k| (0.0..=1.0).contains(&k))?;
-        let picture = self.picture.as_ref().map(|file| wanted(file, size, assets)).transpose().at("picture")?;
+        let picture =
+            self.picture.as_ref().map(|file| wanted(file, size, assets)).transpose().at("picture")?;
         let picture = match (picture, &self.weight) {
             (Some(picture), Some(file)) => Some(weighted(picture, file, assets).at("weight")?),
             (None, Some(_)) => {

@@ -1,0 +1,204 @@
+use std::collections::BTreeMap;
+
+use super::super::findings::{history, strategy, weights};
+use super::super::machine;
+use super::stage::Stage;
+use crate::problem::Desired;
+use crate::report::{
+    Certificate, Change, Coverage, Problem, Regularization, Report, Share, StageRecord, StopRecord, ViewMatch,
+};
+use crate::scene::{Find, Interpolation, Quadrature, Rgb, Target, VolumeScene};
+
+/// Everything that a volume solve has found out, to be reported.
+pub(super) struct Findings<'a> {
+    pub(super) scene: &'a VolumeScene,
+    pub(super) desired: &'a [Desired],
+    pub(super) stages: &'a [Stage],
+}
+
+impl Findings<'_> {
+    /// The report: the numbers of the last stage, and a summary of each.
+    pub(super) fn report(&self, timings: Vec<(String, f64)>) -> Report {
+        let Some((first, last)) = self.stages.first().zip(self.stages.last()) else {
+            return Report::default();
+        };
+        let outcome = &last.trial.solved.outcome;
+        let lambda = last.trial.solved.weights;
+        Report {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            command: "volume".to_owned(),
+            scene: self.scene.name.clone(),
+            backend: last.backend.to_owned(),
+            device: last.device.clone(),
+            gpu: last.work.clone(),
+            target: match self.scene.target {
+                Target::Tint => "tint",
+                Target::Radiance => "radiance",
+            }
+            .to_owned(),
+            solver: last.settings.solver.name().to_owned(),
+            strategy: strategy(&last.trial.storage),
+            problem: self.size(last),
+            regularization: Regularization {
+                tikhonov: lambda.tikhonov,
+                laplacian: lambda.laplacian,
+                gradient: lambda.gradient,
+            },
+            settings: self.settings(last),
+            history: history(outcome),
+            certificate: certificate(last),
+            set_up_applications: last.trial.solved.set_up_applications as u64,
+            stop: StopRecord {
+                reason: outcome.stop.reason.name().to_owned(),
+                iteration: outcome.stop.iteration as u64,
+            },
+            weighted_residual: Change { before: first.before.1, after: last.after.1 },
+            matched: self.matched(first, last),
+            timings: timings.into_iter().collect(),
+            memory: self.memory(last),
+            skipped: self.skipped(last),
+            adjoint_error: last.trial.adjoint_error,
+            coverage: covered(last),
+            stages: self.stages.iter().map(|stage| self.stage(stage)).collect(),
+        }
+    }
+
+    fn stage(&self, stage: &Stage) -> StageRecord {
+        let stop = stage.trial.solved.outcome.stop;
+        StageRecord {
+            find: stage.find.name().to_owned(),
+            problem: self.size(stage),
+            weighted_residual: Change { before: stage.before.1, after: stage.after.1 },
+            stop: StopRecord { reason: stop.reason.name().to_owned(), iteration: stop.iteration as u64 },
+            certificate: certificate(stage),
+        }
+    }
+
+    fn size(&self, stage: &Stage) -> Problem {
+        let storage = stage.trial.storage;
+        let problem = &stage.problem;
+        Problem {
+            rows: problem.targets.len() as u64,
+            unknowns: problem.voxels() as u64,
+            active_unknowns: stage.trial.solved.columns.len() as u64,
+            nonzeros: if storage.walked_rows == 0 { storage.kept_nonzeros } else { problem.plan.nonzeros },
+            views: self.desired.iter().filter(|view| view.is_wanted()).count() as u64,
+            size: problem.size().map(|side| side as u64).to_vec(),
+        }
+    }
+
+    fn settings(&self, stage: &Stage) -> BTreeMap<String, String> {
+        let transport = stage.problem.traversal.transport();
+        let quadrature = match transport.quadrature {
+            Quadrature::Exact => "exact, cell by cell".to_owned(),
+            Quadrature::March { steps } => format!("march of {steps} steps along the diagonal"),
+        };
+        let finds: Vec<&str> = self.stages.iter().map(|stage| stage.find.name()).collect();
+        let mut settings = vec![
+            ("looked_for", finds.join(", then ")),
+            (
+                "interpolation",
+                match transport.basis {
+                    Interpolation::Nearest => "nearest",
+                    Interpolation::Trilinear => "trilinear",
+                }
+                .to_owned(),
+            ),
+            ("quadrature", quadrature),
+            ("iterations", format!("at most {}", stage.settings.iterations)),
+            ("tolerance", stage.settings.tolerance.to_string()),
+            ("transmittance_bound", format!("{:.1e}", stage.settings.transmittance_bound)),
+            ("bounds", format!("{:?}", stage.settings.bounds)),
+            ("weights", weights(&stage.trial.solved.relative_weights)),
+            ("metric", format!("{:?}", stage.settings.metric_in_use()).to_lowercase()),
+        ];
+        if let Some(refraction) = &transport.refraction {
+            settings.push(("refraction", format!("Euler steps of {:.2e} m", refraction.step())));
+        }
+        if stage.find == Find::Joint {
+            let [emission, albedo] = self.scene.pull;
+            settings.push(("pull", format!("emission {emission}, albedo {albedo}")));
+        }
+        settings.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+    }
+
+    fn matched(&self, first: &Stage, last: &Stage) -> Vec<ViewMatch> {
+        let views = self.scene.views.iter().zip(self.desired).enumerate();
+        views
+            .filter(|(_, (_, desired))| desired.is_wanted())
+            .map(|(index, (view, desired))| ViewMatch {
+                view: view.view.name.clone(),
+                painted_pixels: desired.pixels.iter().filter(|pixel| pixel[3] > 0.0).count() as u64,
+                weighted_residual: Change { before: first.before.0[index], after: last.after.0[index] },
+                ..ViewMatch::default()
+            })
+            .collect()
+    }
+
+    fn memory(&self, stage: &Stage) -> BTreeMap<String, u64> {
+        let mut memory = BTreeMap::from([
+            ("matrix".to_owned(), stage.trial.storage.bytes),
+            ("everything_else".to_owned(), stage.other_bytes),
+        ]);
+        memory.extend(self.scene.solve.memory.map(|budget| ("budget".to_owned(), budget)));
+        memory.extend(machine::peak_memory().map(|peak| ("peak".to_owned(), peak)));
+        memory
+    }
+
+    fn skipped(&self, stage: &Stage) -> BTreeMap<String, Share> {
+        let problem = &stage.problem;
+        let rows = problem.targets.len();
+        let pixels: usize =
+            self.scene.views.iter().map(|view| view.view.camera.size().iter().product::<usize>()).sum();
+        let [empty, bricks] = stage.problem.empty_bricks();
+        let history = &stage.trial.solved.outcome.history;
+        let last = history.progress.last();
+        let (walks, iterations) = last.map_or((0, 0), |last| (last.operator_applications, last.iteration));
+        let share = |count: u64, of: u64| Share { count, of };
+        let voxels = problem.voxels() as u64;
+        let mut skipped = vec![
+            ("pixels", share((pixels - rows) as u64, pixels as u64)),
+            ("unknowns", share(voxels - stage.trial.solved.columns.len() as u64, voxels)),
+            ("empty_bricks", share(empty as u64, bricks as u64)),
+            ("channel_iterations", share(history.spared as u64, 3 * iterations as u64)),
+            ("walks", share((walks * stage.trial.storage.kept_rows) as u64, (walks * rows) as u64)),
+        ];
+        if problem.outside_hull > 0 {
+            skipped.push(("outside_hull", share(problem.outside_hull as u64, voxels)));
+        }
+        if problem.left_out.without_logarithm > 0 {
+            let all = (rows + problem.left_out.without_logarithm) as u64;
+            skipped.push(("without_logarithm", share(problem.left_out.without_logarithm as u64, all)));
+        }
+        skipped.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+    }
+}
+
+fn certificate(stage: &Stage) -> Certificate {
+    let outcome = &stage.trial.solved.outcome;
+    let keeps_bounds = stage.settings.solver.keeps_bounds();
+    let bounds = stage.problem.formulation().bounds;
+    let is_at_bound = |&&column: &&u32| {
+        let (x, [lower, upper]): (&Rgb, _) =
+            (&stage.trial.solved.x[column as usize], bounds.of(column as usize));
+        (0..3).any(|c| f64::from(x[c]) <= lower[c] || f64::from(x[c]) >= upper[c])
+    };
+    let held = stage.trial.solved.columns.iter().filter(is_at_bound).count();
+    Certificate {
+        kind: if keeps_bounds { "projected-gradient" } else { "normal-residual" }.to_owned(),
+        value: outcome.true_normal_residual,
+        residual: outcome.true_residual,
+        at_bounds: if keeps_bounds { held as u64 } else { 0 },
+        restarts: outcome.history.restarts as u64,
+    }
+}
+
+fn covered(stage: &Stage) -> Coverage {
+    let total = stage.problem.voxels() as u64;
+    let reached = stage.trial.solved.columns.len() as u64;
+    let weak = stage.trial.coverage.0.iter().filter(|voxel| {
+        let most = f64::from(voxel[0].max(voxel[1]).max(voxel[2]));
+        most > 0.0 && most < stage.trial.solved.weights.tikhonov
+    });
+    Coverage { reached, total, unreached: total - reached, filled: None, weak: Some(weak.count() as u64) }
+}

@@ -1,0 +1,72 @@
+//! What a volume takes.
+
+use super::super::job::{allowed, check_memory, mebibytes};
+use crate::Result;
+use crate::cpu::Tiling;
+use crate::problem::VolumeProblem;
+use crate::scene::{MetricName, SolveSettings, VolumeScene};
+
+const COLOR: usize = size_of::<[f32; 3]>();
+
+/// Bytes that are in use once a scene is read: its volumes and its pictures.
+fn scene_bytes(scene: &VolumeScene) -> u64 {
+    let medium = &scene.medium;
+    let volumes = [&medium.extinction, &medium.albedo, &medium.emission];
+    let voxels: usize = volumes.iter().map(|volume| volume.samples().len() * size_of::<f32>()).sum();
+    let pixels: usize =
+        scene.views.iter().map(|view| view.view.camera.size().iter().product::<usize>()).sum();
+    // What is wanted of each pixel, and its picture before, after and while it is drawn.
+    (voxels + pixels * (size_of::<[f32; 4]>() + 3 * COLOR)) as u64
+}
+
+/// Errors: [`crate::Error::TooLarge`] when the scene alone exceeds what may be used.
+pub(in crate::cli) fn check_scene(scene: &VolumeScene) -> Result<()> {
+    check_memory("the scene's volumes and pictures", scene_bytes(scene), allowed(&scene.solve), REMEDY)
+}
+
+/// Bytes that the kept rows of a stage may take.
+pub(super) fn budget(scene: &VolumeScene, settings: &SolveSettings, problem: &VolumeProblem) -> Result<u64> {
+    let (allowed, needed) = (allowed(settings), stage_bytes(scene, settings, problem));
+    check_memory("the solve without its matrix", needed, allowed, REMEDY)?;
+    Ok(allowed - needed)
+}
+
+const REMEDY: &str = "raise --memory, or lower the volume's or the views' sizes";
+
+/// Leaves the metric of tiles where it would take more than its share of the memory, for one that takes next to none.
+pub(in crate::cli) fn settle_metric(
+    scene: &VolumeScene,
+    settings: &mut SolveSettings,
+    problem: &VolumeProblem,
+) {
+    let bytes = metric_bytes(settings, problem);
+    if bytes > allowed(&scene.solve) / 4 {
+        let needed = mebibytes(bytes);
+        tracing::warn!(
+            "solve.metric: the tiles would need {needed}, over a quarter of the memory; using `sqs`"
+        );
+        settings.metric = MetricName::Sqs;
+    }
+}
+
+fn metric_bytes(settings: &SolveSettings, problem: &VolumeProblem) -> u64 {
+    match settings.metric_in_use() {
+        MetricName::Tiles if problem.is_grey() => Tiling::bytes::<f32, 1>(problem.start.len()),
+        MetricName::Tiles => Tiling::bytes::<f32, 3>(problem.start.len()),
+        _ => 0,
+    }
+}
+
+/// Bytes that a stage takes beside the kept rows.
+pub(in crate::cli) fn stage_bytes(
+    scene: &VolumeScene,
+    settings: &SolveSettings,
+    problem: &VolumeProblem,
+) -> u64 {
+    let (rows, unknowns) = (problem.targets.len(), problem.start.len());
+    let kept = crate::problem::vectors(settings.solver);
+    // Beside those of the method: start, scaling, coverage, right-hand side, weights, and what operators keep.
+    let vectors = (kept.domain + 6) * COLOR * unknowns + (kept.range + 5) * COLOR * (rows + unknowns);
+    let rays = rows * size_of::<[u32; 2]>();
+    scene_bytes(scene) + (vectors + rays + (64 << 20)) as u64 + metric_bytes(settings, problem)
+}

@@ -1,0 +1,158 @@
+use super::super::args::VolumeArguments;
+use super::super::compute::{Trial, Watch, processor};
+#[cfg(feature = "gpu")]
+use super::super::compute::{device, work};
+use super::super::engine::{Engine, On};
+use super::super::progress::Steps;
+use super::super::results::Folder;
+use super::super::resume;
+use super::memory;
+use crate::operator::Vector;
+use crate::problem::{Desired, Optics, Paused, TransportOperator, VolumeProblem, VolumeRenderer, minimize};
+use crate::report::Work;
+use crate::scene::{Find, Rgb, SolveSettings, VolumeMedium, VolumeScene};
+use crate::{Error, Result};
+
+/// One property to be found.
+#[derive(Clone, Copy)]
+pub(super) struct Task<'a> {
+    pub(super) scene: &'a VolumeScene,
+    pub(super) medium: &'a VolumeMedium,
+    pub(super) optics: &'a Optics,
+    pub(super) desired: &'a [Desired],
+    pub(super) find: Find,
+}
+
+/// A property that was found, and what there is to know about it.
+pub(super) struct Stage {
+    pub(super) find: Find,
+    pub(super) problem: VolumeProblem,
+    pub(super) settings: SolveSettings,
+    pub(super) trial: Trial,
+    /// The medium with what was found.
+    pub(super) medium: VolumeMedium,
+    /// How far the pictures were from what is wanted, view by view and all together, and how far they are.
+    pub(super) before: (Vec<f64>, f64),
+    pub(super) after: (Vec<f64>, f64),
+    /// `cpu` or `gpu`, and its name.
+    pub(super) backend: &'static str,
+    pub(super) device: String,
+    /// What a graphics adapter was given to do.
+    pub(super) work: Option<Work>,
+    /// Bytes that everything but the kept rows takes.
+    pub(super) other_bytes: u64,
+}
+
+impl Task<'_> {
+    pub(super) fn solve(
+        &self,
+        engine: &mut Engine,
+        arguments: &VolumeArguments,
+        folder: &Folder,
+        steps: &mut Steps,
+    ) -> Result<Stage> {
+        steps.begin("tracing", None);
+        let mut settings = VolumeProblem::settings(self.scene, self.find);
+        let problem = VolumeProblem::new(self.scene, self.medium, self.optics, self.desired, self.find)?;
+        memory::settle_metric(self.scene, &mut settings, &problem);
+        let budget = memory::budget(self.scene, &settings, &problem)?;
+        let checkpoint = resume::Keeper::new(folder, resume::of_volume(&settings, &problem));
+        let resumed = match arguments.resume {
+            true => match checkpoint.read() {
+                Ok(paused) => Some(paused),
+                // The checkpoint of a later stage; this one is quickly done again.
+                Err(Error::Checkpoint { .. }) if self.scene.stages.len() > 1 => None,
+                Err(error) => return Err(error),
+            },
+            false => None,
+        };
+        let watch = Watch {
+            checkpoint: &checkpoint,
+            preview_every: arguments.preview_every.map(|every| every as usize),
+            iterations: settings.iterations,
+            adapter: None,
+        };
+        let preview = |x: &[Rgb]| self.preview(&problem, folder, x);
+        let other_bytes = memory::stage_bytes(self.scene, &settings, &problem);
+        let run = Run { problem: &problem, settings: &settings };
+        let (trial, backend, device, work) =
+            engine.run(&checkpoint, arguments.resume, resumed, |on, resumed| match on {
+                On::Cpu => {
+                    steps.begin("walking", None);
+                    let operator = problem.operator(settings.strategy, budget)?;
+                    let trial = run.with(&operator, &watch, resumed, &mut || {}, steps, &preview)?;
+                    Ok((trial, "cpu", processor(), None))
+                }
+                #[cfg(feature = "gpu")]
+                On::Gpu(gpu) => {
+                    steps.begin("walking", None);
+                    let operator = crate::problem::GpuOperator::of_volume(
+                        &gpu,
+                        &problem,
+                        settings.strategy,
+                        budget,
+                        arguments.deterministic,
+                    )?;
+                    let mut trips = Vec::new();
+                    let record = gpu.record();
+                    let watch = Watch { adapter: Some(&record.name), ..watch };
+                    let mut each = || trips.push(gpu.round_trips());
+                    let trial = run.with(&operator, &watch, resumed, &mut each, steps, &preview)?;
+                    let work = work(&gpu, &trips, operator.is_deterministic());
+                    Ok((trial, "gpu", device(&record), Some(work)))
+                }
+            })?;
+        checkpoint.write(&folder.file("checkpoint"), &trial.solved.outcome.history, &trial.solved.state)?;
+        let medium = problem.apply(self.medium, &trial.solved.x)?;
+        let nowhere = || (Vec::new(), 0.0);
+        Ok(Stage {
+            find: self.find,
+            problem,
+            settings,
+            trial,
+            medium,
+            before: nowhere(),
+            after: nowhere(),
+            backend,
+            device,
+            work,
+            other_bytes,
+        })
+    }
+
+    fn preview(&self, problem: &VolumeProblem, folder: &Folder, x: &[Rgb]) -> Result<()> {
+        let medium = problem.apply(self.medium, x)?;
+        let optics = Optics::new(self.scene, &medium)?;
+        let model = VolumeProblem::model(self.scene, self.find);
+        let renderer = VolumeRenderer::new(self.scene, &medium, &optics, model);
+        for (view, seen) in self.scene.views.iter().enumerate() {
+            let name = format!("{}_after", seen.view.name);
+            folder.write_picture(&name, &renderer.picture(view)?, self.scene.exposure)?;
+        }
+        folder.publish()
+    }
+}
+
+struct Run<'a> {
+    problem: &'a VolumeProblem,
+    settings: &'a SolveSettings,
+}
+
+impl Run<'_> {
+    fn with<O: TransportOperator>(
+        &self,
+        operator: &O,
+        watch: &Watch,
+        resumed: Option<Paused>,
+        each: &mut dyn FnMut(),
+        steps: &mut Steps,
+        preview: &dyn Fn(&[Rgb]) -> Result<()>,
+    ) -> Result<Trial> {
+        let formulation = self.problem.formulation();
+        let weights = self.problem.row_weights();
+        debug_assert!(!weights.is_empty());
+        watch.solve(operator, &weights, each, steps, preview, |coverage, each| {
+            minimize(&formulation, operator, coverage, self.settings, resumed, each)
+        })
+    }
+}
