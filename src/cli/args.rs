@@ -206,6 +206,9 @@ pub(crate) struct RenderArguments {
     /// says, as `light-map` writes it, else where the scene's light map does.
     #[arg(long, value_name = "FILE")]
     pub(crate) light_map: Option<PathBuf>,
+    /// Pictures of a volume from all around, beside its views.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=720))]
+    pub(crate) turntable: u32,
 }
 
 #[derive(Debug, Args)]

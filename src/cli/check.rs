@@ -4,14 +4,19 @@ use super::args::CheckArguments;
 use super::engine::Engine;
 use super::progress::Steps;
 use super::{Done, Manners, job, to_json};
-use crate::Result;
+#[cfg(feature = "gpu")]
+use crate::gpu::Gpu;
+use crate::io::scene_file::Subject;
 use crate::march::Traversal;
+#[cfg(feature = "gpu")]
+use crate::march::VolumeTraversal;
 use crate::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
 #[cfg(feature = "gpu")]
-use crate::problem::GpuLightMapOperator;
-use crate::problem::{LightMapProblem, TransportOperator};
-use crate::scene::Strategy;
+use crate::problem::{GpuLightMapOperator, GpuOperator};
+use crate::problem::{LightMapOperator, LightMapProblem, TransportOperator, VolumeOperator, VolumeProblem};
+use crate::scene::{Rgb, Strategy};
 use crate::sparse::ExplicitMatrix;
+use crate::{Result, io};
 
 /// Rows that are checked: enough to meet every case, few enough for an explicit matrix in f64.
 const ROWS: usize = 4096;
@@ -33,39 +38,151 @@ struct Verdict {
     holds: bool,
 }
 
+/// A problem whose operator can be checked.
+trait Checked {
+    type Host: TransportOperator;
+    #[cfg(feature = "gpu")]
+    type Device: TransportOperator;
+
+    /// A few of its rows.
+    fn rows(&self) -> usize;
+    fn targets(&self) -> &[Rgb];
+    fn start(&self) -> Vec<Rgb>;
+    fn explicit(&self) -> Result<ExplicitMatrix>;
+    fn on_cpu(&self, strategy: Strategy) -> Result<Self::Host>;
+    #[cfg(feature = "gpu")]
+    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<Self::Device>;
+}
+
+impl Checked for LightMapProblem {
+    type Host = LightMapOperator;
+    #[cfg(feature = "gpu")]
+    type Device = GpuLightMapOperator;
+
+    fn rows(&self) -> usize {
+        self.constraints.len()
+    }
+
+    fn targets(&self) -> &[Rgb] {
+        &self.targets
+    }
+
+    fn start(&self) -> Vec<Rgb> {
+        vec![self.start; self.maps.light_map.len()]
+    }
+
+    fn explicit(&self) -> Result<ExplicitMatrix> {
+        explicit(&self.traversal, self.is_grey())
+    }
+
+    fn on_cpu(&self, strategy: Strategy) -> Result<LightMapOperator> {
+        self.operator_with(strategy, u64::MAX)
+    }
+
+    #[cfg(feature = "gpu")]
+    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<GpuLightMapOperator> {
+        GpuLightMapOperator::new(gpu, self, strategy, u64::MAX, deterministic)
+    }
+}
+
+impl Checked for VolumeProblem {
+    type Host = VolumeOperator;
+    #[cfg(feature = "gpu")]
+    type Device = GpuOperator<VolumeTraversal>;
+
+    fn rows(&self) -> usize {
+        self.targets.len()
+    }
+
+    fn targets(&self) -> &[Rgb] {
+        &self.targets
+    }
+
+    fn start(&self) -> Vec<Rgb> {
+        self.start.clone()
+    }
+
+    fn explicit(&self) -> Result<ExplicitMatrix> {
+        explicit(&self.traversal, self.is_grey())
+    }
+
+    fn on_cpu(&self, strategy: Strategy) -> Result<VolumeOperator> {
+        self.operator(strategy, u64::MAX)
+    }
+
+    #[cfg(feature = "gpu")]
+    fn on_gpu(
+        &self,
+        gpu: &Gpu,
+        strategy: Strategy,
+        deterministic: bool,
+    ) -> Result<GpuOperator<VolumeTraversal>> {
+        GpuOperator::of_volume(gpu, self, strategy, u64::MAX, deterministic)
+    }
+}
+
+fn explicit<T: Traversal<f64, 1> + Traversal<f64, 3>>(traversal: &T, grey: bool) -> Result<ExplicitMatrix> {
+    if grey {
+        ExplicitMatrix::new::<1>(traversal, NONZEROS)
+    } else {
+        ExplicitMatrix::new::<3>(traversal, NONZEROS)
+    }
+}
+
 /// `unscatter check`: the adjoint test, every way of applying T against the explicit matrix, finite differences.
 pub(super) fn run(arguments: &CheckArguments, manners: &Manners) -> Result<Done> {
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
-    let scene = job::load(&arguments.scene, &[])?;
-    let engine = Engine::choose(&arguments.backend)?;
-    steps.begin("tracing", None);
-    let problem = LightMapProblem::new(&scene)?.sampled(ROWS);
-    steps.begin("checking", None);
-    let explicit = if problem.is_grey() {
-        ExplicitMatrix::new::<1>(&problem.traversal, NONZEROS)?
-    } else {
-        ExplicitMatrix::new::<3>(&problem.traversal, NONZEROS)?
+    let mut words = Vec::new();
+    let verdicts = match io::scene_file::subject(&arguments.scene.scene)? {
+        Subject::LightMap => {
+            let scene = job::load(&arguments.scene, &[])?;
+            let engine = Engine::choose(&arguments.backend)?;
+            steps.begin("tracing", None);
+            let problem = LightMapProblem::new(&scene)?.sampled(ROWS);
+            steps.begin("checking", None);
+            check(&scene.name, &problem, &engine, &mut words)?
+        }
+        Subject::Volume => {
+            let scene = job::load_volume(&arguments.scene, &[])?;
+            let engine = Engine::choose(&arguments.backend)?;
+            let mut verdicts = Vec::new();
+            for (find, problem) in super::volume::problems(&scene, &mut steps)? {
+                steps.begin("checking", None);
+                let name = format!("{}, {}", scene.name, find.name());
+                verdicts.extend(check(&name, &problem.sampled(ROWS), &engine, &mut words)?);
+            }
+            verdicts
+        }
     };
-    let mut verdicts = vec![verdict(
-        "adjoint",
-        "explicit matrix, f64",
-        adjoint_test(&explicit, 3, 1)?.error,
-        ADJOINT_EXPLICIT,
-    )];
+    steps.finish();
+    manners.print(&to_json(&verdicts)?, &words.join("\n"));
+    Ok(if verdicts.iter().all(|verdict| verdict.holds) { Done::Completely } else { Done::Broken })
+}
+
+/// The laws of one problem, and what is said about them.
+fn check(
+    name: &str,
+    problem: &impl Checked,
+    engine: &Engine,
+    words: &mut Vec<String>,
+) -> Result<Vec<Verdict>> {
+    let explicit = problem.explicit()?;
+    let error = adjoint_test(&explicit, 3, 1)?.error;
+    let mut verdicts = vec![verdict("adjoint", "explicit matrix, f64", error, ADJOINT_EXPLICIT)];
     for (name, strategy) in
         [("cpu, assembled", Strategy::Assembled), ("cpu, matrix-free", Strategy::MatrixFree)]
     {
-        verdicts.extend(verdicts_of(name, &problem.operator_with(strategy, u64::MAX)?, &explicit)?);
+        verdicts.extend(verdicts_of(name, &problem.on_cpu(strategy)?, &explicit)?);
     }
     #[cfg(feature = "gpu")]
-    if let Engine::Gpu { gpu, .. } = &engine {
+    if let Engine::Gpu { gpu, .. } = engine {
         for (name, strategy, deterministic) in [
             ("gpu, assembled", Strategy::Assembled, false),
             ("gpu, matrix-free", Strategy::MatrixFree, false),
             ("gpu, fixed point", Strategy::MatrixFree, true),
         ] {
-            match GpuLightMapOperator::new(gpu, &problem, strategy, u64::MAX, deterministic) {
+            match problem.on_gpu(gpu, strategy, deterministic) {
                 Ok(operator) => verdicts.extend(verdicts_of(name, &operator, &explicit)?),
                 // What is not possible is not wrong.
                 Err(error @ crate::Error::TooLarge { .. }) => tracing::warn!("{name} is left out: {error}"),
@@ -75,23 +192,16 @@ pub(super) fn run(arguments: &CheckArguments, manners: &Manners) -> Result<Done>
     }
     #[cfg(not(feature = "gpu"))]
     let Engine::Cpu = engine;
-    let error = finite_difference(&problem, &explicit)?;
-    verdicts.push(verdict(
-        "gradient by finite differences",
-        "explicit matrix, f64",
-        error,
-        FINITE_DIFFERENCE,
-    ));
-    steps.finish();
-    let rows = Traversal::<f64, 1>::rows(&problem.traversal);
-    let mut words = vec![format!("{}: {rows} rows, {} non-zeros", scene.name, explicit.channel(0).nnz())];
+    let error = finite_difference(problem, &explicit)?;
+    let law = "gradient by finite differences";
+    verdicts.push(verdict(law, "explicit matrix, f64", error, FINITE_DIFFERENCE));
+    words.push(format!("{name}: {} rows, {} non-zeros", problem.rows(), explicit.channel(0).nnz()));
     words.extend(verdicts.iter().map(|verdict| {
         let mark = if verdict.holds { "holds" } else { "BROKEN" };
         let Verdict { law, backend, error, bound, .. } = verdict;
         format!("  {mark:6}  {law:34} {backend:22} {error:8.1e}  (at most {bound:.0e})")
     }));
-    manners.print(&to_json(&verdicts)?, &words.join("\n"));
-    Ok(if verdicts.iter().all(|verdict| verdict.holds) { Done::Completely } else { Done::Broken })
+    Ok(verdicts)
 }
 
 fn verdict(law: &'static str, backend: &str, error: f64, bound: f64) -> Verdict {
@@ -139,10 +249,9 @@ fn relative(got: Vec<[f64; 3]>, truth: &CpuVector<f64>) -> Result<f64> {
 }
 
 /// The slope of ½‖T x − b‖² along a direction, by central differences and as ⟨Tᵀ(T x − b), d⟩.
-fn finite_difference(problem: &LightMapProblem, explicit: &ExplicitMatrix) -> Result<f64> {
-    let b = CpuVector(problem.targets.iter().map(|target| target.map(f64::from)).collect());
-    let mut x = explicit.domain();
-    x.fill(problem.start.map(f64::from));
+fn finite_difference(problem: &impl Checked, explicit: &ExplicitMatrix) -> Result<f64> {
+    let wide = |colors: &[Rgb]| CpuVector(colors.iter().map(|color| color.map(f64::from)).collect());
+    let (b, x) = (wide(problem.targets()), wide(&problem.start()));
     let mut d = explicit.domain();
     d.0.iter_mut().enumerate().for_each(|(index, d)| *d = [(index as f64 * 0.61).cos(); 3]);
     let residual = |step: f64| -> Result<CpuVector<f64>> {

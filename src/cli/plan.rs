@@ -5,10 +5,11 @@ use serde::Serialize;
 use super::args::SceneArguments;
 use super::progress::Steps;
 use super::{Done, Manners, job, machine, to_json};
-use crate::Result;
+use crate::io::scene_file::Subject;
 use crate::operator::{LinearOperator, Vector};
 use crate::problem::LightMapProblem;
 use crate::scene::Strategy;
+use crate::{Result, io};
 
 /// Rows that are timed.
 const SAMPLE: usize = 16384;
@@ -40,6 +41,9 @@ struct Plan {
 
 /// `unscatter plan`: what a solve would take.
 pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done> {
+    if io::scene_file::subject(&arguments.scene)? == Subject::Volume {
+        return super::volume::plan(arguments, manners);
+    }
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
     let mut scene = job::load(arguments, &[])?;

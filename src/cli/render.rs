@@ -3,11 +3,15 @@ use super::placement::Placement;
 use super::progress::{Steps, interrupted, watch_interrupt};
 use super::results::Folder;
 use super::{Done, Manners, job, to_json};
+use crate::io::scene_file::Subject;
 use crate::problem::{fit, render};
 use crate::{Result, io};
 
 /// `unscatter render`: the views under the plain light, or under a light map from a file.
 pub(super) fn run(arguments: &RenderArguments, manners: &Manners) -> Result<Done> {
+    if io::scene_file::subject(&arguments.scene.scene)? == Subject::Volume {
+        return super::volume::render(arguments, manners);
+    }
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
     let mut scene = job::load(&arguments.scene, &[])?;

@@ -25,7 +25,11 @@ pub(in crate::cli) fn check_scene(scene: &VolumeScene) -> Result<()> {
 }
 
 /// Bytes that the kept rows of a stage may take.
-pub(super) fn budget(scene: &VolumeScene, settings: &SolveSettings, problem: &VolumeProblem) -> Result<u64> {
+pub(in crate::cli) fn budget(
+    scene: &VolumeScene,
+    settings: &SolveSettings,
+    problem: &VolumeProblem,
+) -> Result<u64> {
     let (allowed, needed) = (allowed(settings), stage_bytes(scene, settings, problem));
     check_memory("the solve without its matrix", needed, allowed, REMEDY)?;
     Ok(allowed - needed)

@@ -2,6 +2,8 @@
 
 mod findings;
 mod memory;
+mod plan;
+mod render;
 mod results;
 mod stage;
 mod turntable;
@@ -13,13 +15,15 @@ use super::results::Folder;
 use super::{Done, Manners, job};
 use crate::problem::{Desired, Model, Optics, VolumeProblem, VolumeRenderer};
 use crate::report::{self, Report};
-use crate::scene::{Image, VolumeMedium, VolumeScene};
+use crate::scene::{Find, Image, VolumeMedium, VolumeScene};
 use crate::solve::StopReason;
 use crate::{Error, Result};
 use findings::Findings;
 use stage::Stage;
 
-pub(super) use memory::check_scene;
+pub(super) use memory::{budget, check_scene};
+pub(super) use plan::plan;
+pub(super) use render::render;
 
 /// `unscatter volume`: finds what the scene asks for, stage by stage, and writes volumes, pictures and a report.
 pub(super) fn run(arguments: &VolumeArguments, manners: &Manners) -> Result<Done> {
@@ -85,6 +89,19 @@ pub(super) fn run(arguments: &VolumeArguments, manners: &Manners) -> Result<Done
     manners.print(&report.to_json()?, &summary(&report, &folder));
     let was_interrupted = last.trial.solved.outcome.stop.reason == StopReason::Interrupted;
     Ok(if was_interrupted { Done::Interrupted } else { Done::Completely })
+}
+
+/// The problems of a scene's stages, each from the scene's own medium.
+pub(super) fn problems(scene: &VolumeScene, steps: &mut Steps) -> Result<Vec<(Find, VolumeProblem)>> {
+    let first = *scene.stages.first().ok_or_else(nothing_asked)?;
+    steps.begin("lighting", None);
+    let optics = Optics::new(scene, &scene.medium)?;
+    let renderer = VolumeRenderer::new(scene, &scene.medium, &optics, VolumeProblem::model(scene, first));
+    let desired = Desired::of(scene, &|view| renderer.picture(view))?;
+    steps.begin("tracing", None);
+    let problem =
+        |&find: &Find| Ok((find, VolumeProblem::new(scene, &scene.medium, &optics, &desired, find)?));
+    scene.stages.iter().map(problem).collect()
 }
 
 /// The pictures of all views.

@@ -12,6 +12,6 @@ pub use desired::Desired;
 pub use operator::VolumeOperator;
 pub use optics::Optics;
 pub use renderer::{Model, VolumeRenderer};
-pub use rows::{LeftOut, VolumeProblem};
+pub use rows::{AllVoxels, LeftOut, VolumeProblem};
 
 use super::luminance;

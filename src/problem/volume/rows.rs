@@ -8,7 +8,7 @@ use super::optics::open_rays;
 use super::renderer::{carried, is_grey};
 use super::{Desired, Model, Optics, VolumeOperator, luminance};
 use crate::cpu::{Transport, WalkPlan, near_medium};
-use crate::march::{Part, Quantity, VolumeTraversal};
+use crate::march::{Part, Quantity, Traversal, VolumeTraversal, Weight};
 use crate::operator::{Bounds, CpuVector};
 use crate::problem::{Formulation, Lattice, Start};
 use crate::scene::{
@@ -105,8 +105,7 @@ impl VolumeProblem {
         }
         let traversal = all.along(all.rays().picked(&kept));
         let grey = searched.parts.iter().all(|part| is_grey(&traversal, part));
-        let plan =
-            if grey { WalkPlan::new::<f32, 1>(&traversal) } else { WalkPlan::new::<f32, 3>(&traversal) };
+        let plan = plan(&traversal, grey);
         let Searched { start, places, size, bounds, pull, outside_hull, .. } = searched;
         Ok(Self {
             find,
@@ -163,6 +162,42 @@ impl VolumeProblem {
         }
     }
 
+    /// The problem of at most `rows` of its rows, evenly spread.
+    pub fn sampled(&self, rows: usize) -> Self {
+        let stride = self.targets.len().div_ceil(rows.max(1)).max(1);
+        let picked: Vec<usize> = (0..self.targets.len()).step_by(stride).collect();
+        let every = |values: &[Rgb]| picked.iter().map(|&row| values[row]).collect();
+        let traversal = self.traversal.along(self.traversal.rays().picked(&picked));
+        Self {
+            targets: every(&self.targets),
+            weights: every(&self.weights),
+            plan: plan(&traversal, self.grey),
+            traversal,
+            start: self.start.clone(),
+            places: self.places.clone(),
+            ..*self
+        }
+    }
+
+    /// The rows with all voxels of all grids for elements, in the order (z, y, x), looked for or not.
+    pub fn over_all_voxels(&self) -> AllVoxels<'_> {
+        AllVoxels(self)
+    }
+
+    /// What all voxels start from, in the order (z, y, x).
+    pub fn all_starts(&self, medium: &VolumeMedium) -> Vec<Rgb> {
+        let volume = |part: &Part| match part.quantity {
+            Quantity::Emission => medium.emission.clone(),
+            Quantity::Albedo(_) => medium.albedo.clone(),
+            Quantity::Extinction => medium.extinction.clone(),
+        };
+        let colors = |part: &Part| {
+            let volume = volume(part);
+            (0..volume.grid().len()).map(|index| volume.color(index)).collect::<Vec<Rgb>>()
+        };
+        self.traversal.parts().iter().flat_map(colors).collect()
+    }
+
     /// The row weights, one colour a row.
     pub fn row_weights(&self) -> CpuVector {
         CpuVector(self.weights.clone())
@@ -208,6 +243,28 @@ impl VolumeProblem {
             *place = Arc::new(replaced(place, part.voxels(), mine)?);
         }
         Ok(changed)
+    }
+}
+
+fn plan(traversal: &VolumeTraversal, grey: bool) -> WalkPlan {
+    if grey { WalkPlan::new::<f32, 1>(traversal) } else { WalkPlan::new::<f32, 3>(traversal) }
+}
+
+/// The rows of a problem over all voxels of its grids.
+#[derive(Debug)]
+pub struct AllVoxels<'a>(&'a VolumeProblem);
+
+impl<const C: usize> Traversal<f64, C> for AllVoxels<'_> {
+    fn rows(&self) -> usize {
+        self.0.targets.len()
+    }
+
+    fn elements(&self) -> usize {
+        self.0.voxels()
+    }
+
+    fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
+        self.0.traversal.walk(row, &mut |element, weight| visit(self.0.places[element] as usize, weight));
     }
 }
 

@@ -1,0 +1,44 @@
+use super::super::args::RenderArguments;
+use super::super::progress::{Steps, interrupted, watch_interrupt};
+use super::super::results::Folder;
+use super::super::{Done, Manners, job, to_json};
+use super::{nothing_asked, results, turntable};
+use crate::problem::{Optics, VolumeProblem, VolumeRenderer};
+use crate::{Error, Result};
+
+/// `unscatter render` of a volume: its views, and a turn around it.
+pub(in crate::cli) fn render(arguments: &RenderArguments, manners: &Manners) -> Result<Done> {
+    let mut steps = Steps::new(manners.quiet);
+    steps.begin("reading", None);
+    if arguments.light_map.is_some() {
+        let expected =
+            "left away: volumes have none; put one in by --set volume.emission.file=FILE or the like";
+        return Err(Error::value("--light-map", "a light map", expected));
+    }
+    let scene = job::load_volume(&arguments.scene, &[])?;
+    let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
+    watch_interrupt()?;
+    steps.begin("lighting", None);
+    let optics = Optics::new(&scene, &scene.medium)?;
+    let last = *scene.stages.last().ok_or_else(nothing_asked)?;
+    let renderer = VolumeRenderer::new(&scene, &scene.medium, &optics, VolumeProblem::model(&scene, last));
+    steps.begin("rendering", Some(scene.views.len() as u64));
+    let mut written = Vec::new();
+    for (view, seen) in scene.views.iter().enumerate() {
+        if interrupted() {
+            return Ok(Done::Interrupted);
+        }
+        folder.write_picture(&seen.view.name, &renderer.picture(view)?, scene.exposure)?;
+        written.push(folder.path().join(format!("{}.png", seen.view.name)).display().to_string());
+        steps.advance(view as u64 + 1, String::new());
+    }
+    let turns = turntable::pictures(&renderer, &scene, arguments.turntable as usize)?;
+    results::write_turntable(&folder, &turns, scene.exposure)?;
+    for index in 0..turns.len() {
+        written.push(folder.path().join(format!("turntable_{index:03}.png")).display().to_string());
+    }
+    folder.publish()?;
+    steps.finish();
+    manners.print(&to_json(&written)?, &written.join("\n"));
+    Ok(Done::Completely)
+}
