@@ -77,6 +77,7 @@ fn of_volume(arguments: &MatrixArguments, steps: &mut Steps) -> Result<System> {
     let scene = job::load_volume(&arguments.scene, &[])?;
     // Of several stages the first: the others depend on what it finds.
     let (_, problem) = super::volume::problems(&scene, steps)?.swap_remove(0);
+    let problem = problem.in_reading_order();
     if !problem.is_grey() {
         return Err(Error::value(
             "volume",

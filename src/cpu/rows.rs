@@ -7,65 +7,78 @@ use crate::march::{Real, Traversal, Weight, channel};
 pub(super) const CHUNK: usize = 64;
 
 /// The non-zeros of some consecutive rows, band by band and in each band row by row.
+///
+/// Only what a row has in a band is there at all: a ray through a volume meets one band or two of many.
 #[derive(Debug)]
 pub(super) struct Chunk<F, const C: usize> {
     rows: Range<usize>,
-    /// Where (band, row) begins: index `band · rows + row`; one more at the end.
-    offsets: Vec<u32>,
+    /// Where the runs of each band begin; one more at the end.
+    bands: Vec<u32>,
+    runs: Vec<Run>,
     /// Which element of its band.
     elements: Vec<u16>,
     weights: Vec<Weight<F, C>>,
 }
 
-/// What a row visits in one band without interruption.
+/// What a row has in one band.
+#[derive(Debug, Clone, Copy)]
 struct Run {
-    /// Index of (band, row) in [`Chunk::offsets`].
-    index: usize,
+    /// The row, from the first of the chunk on.
+    row: u32,
+    /// Where its non-zeros end; they begin where those of the run before do.
+    end: u32,
+}
+
+/// What a row visits in one band without interruption.
+struct Visit {
+    band: u32,
+    row: u32,
     visited: Range<usize>,
 }
 
 impl<F: Real, const C: usize> Chunk<F, C> {
     /// Walks the rows and sorts what they visit by band.
     pub(super) fn walk(traversal: &impl Traversal<f64, C>, rows: Range<usize>, bands: &Bands) -> Self {
-        let count = rows.len();
-        let (mut elements, mut weights, mut runs) = (Vec::new(), Vec::new(), Vec::<Run>::new());
-        for (local, row) in rows.clone().enumerate() {
+        let (mut elements, mut weights, mut visits) = (Vec::new(), Vec::new(), Vec::<Visit>::new());
+        for (row, local) in rows.clone().zip(0..) {
             let mut band = 0..0;
             traversal.walk(row, &mut |element, weight| {
                 if !band.contains(&element) {
                     let (number, range) = bands.of(element);
-                    close(&mut runs, elements.len());
-                    runs.push(Run { index: number * count + local, visited: elements.len()..usize::MAX });
+                    close(&mut visits, elements.len());
+                    let visited = elements.len()..usize::MAX;
+                    visits.push(Visit { band: number as u32, row: local, visited });
                     band = range;
                 }
                 elements.push((element - band.start) as u16);
                 weights.push(weight.map(F::of));
             });
-            close(&mut runs, elements.len());
+            close(&mut visits, elements.len());
         }
-        Self { rows, ..Self::sorted(&runs, &elements, &weights, bands.len() * count) }
+        // Stable, so that what a row visits in a band stays in the order of its ray.
+        visits.sort_by_key(|visit| (visit.band, visit.row));
+        Self { rows, ..Self::sorted(&visits, &elements, &weights, bands.len()) }
     }
 
-    /// Moves the runs to where their band and row belong; a ray meets a band once as a rule, so runs are long.
-    fn sorted(runs: &[Run], visited: &[u16], visited_weights: &[Weight<F, C>], places: usize) -> Self {
-        let mut offsets = vec![0u32; places + 1];
-        for run in runs {
-            offsets[run.index + 1] += run.visited.len() as u32;
+    /// Moves what was visited to where its band and row belong; a ray meets a band once as a rule, so it is long.
+    fn sorted(visits: &[Visit], visited: &[u16], visited_weights: &[Weight<F, C>], bands: usize) -> Self {
+        let mut elements = Vec::with_capacity(visited.len());
+        let mut weights = Vec::with_capacity(visited.len());
+        let mut runs: Vec<Run> = Vec::with_capacity(visits.len());
+        let mut starts = Vec::with_capacity(bands + 1);
+        for same in visits.chunk_by(|a, b| (a.band, a.row) == (b.band, b.row)) {
+            while starts.len() <= same[0].band as usize {
+                starts.push(runs.len() as u32);
+            }
+            for visit in same {
+                elements.extend_from_slice(&visited[visit.visited.clone()]);
+                weights.extend_from_slice(&visited_weights[visit.visited.clone()]);
+            }
+            runs.push(Run { row: same[0].row, end: elements.len() as u32 });
         }
-        for index in 1..offsets.len() {
-            offsets[index] += offsets[index - 1];
-        }
-        let mut next = offsets.clone();
-        let mut elements = vec![0; visited.len()];
-        let mut weights = vec![[F::zero(); C]; visited.len()];
-        for Run { index, visited: run } in runs {
-            let start = next[*index] as usize;
-            let place = start..start + run.len();
-            elements[place.clone()].copy_from_slice(&visited[run.clone()]);
-            weights[place].copy_from_slice(&visited_weights[run.clone()]);
-            next[*index] += run.len() as u32;
-        }
-        Self { rows: 0..0, offsets, elements, weights }
+        starts.resize(bands + 1, runs.len() as u32);
+        runs.shrink_to_fit();
+        Self { rows: 0..0, bands: starts, runs, elements, weights }
     }
 
     pub(super) fn nonzeros(&self) -> usize {
@@ -73,7 +86,10 @@ impl<F: Real, const C: usize> Chunk<F, C> {
     }
 
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(&self.offsets[..]) + size_of_val(&self.elements[..]) + size_of_val(&self.weights[..])
+        size_of_val(&self.bands[..])
+            + size_of_val(&self.runs[..])
+            + size_of_val(&self.elements[..])
+            + size_of_val(&self.weights[..])
     }
 
     /// y ← T x for these rows; `y` holds them alone.
@@ -81,10 +97,10 @@ impl<F: Real, const C: usize> Chunk<F, C> {
         let mut sums = [[0.0_f64; 3]; CHUNK];
         for band in 0..bands.len() {
             let x = &x[bands.range(band)];
-            for (local, (elements, weights)) in self.stretches(band).enumerate() {
+            for (row, elements, weights) in self.stretches(band) {
                 let sum = dot(elements, weights, x);
                 for c in 0..3 {
-                    sums[local][c] += sum[c].wide();
+                    sums[row][c] += sum[c].wide();
                 }
             }
         }
@@ -109,8 +125,9 @@ impl<F: Real, const C: usize> Chunk<F, C> {
         x: &mut [Padded<F>],
         weigh: impl Fn(Weight<F, C>) -> Weight<F, C>,
     ) {
-        for ((elements, weights), &y) in self.stretches(band).zip(&y[self.rows.clone()]) {
-            let y = padded(y);
+        let y = &y[self.rows.clone()];
+        for (row, elements, weights) in self.stretches(band) {
+            let y = padded(y[row]);
             for (&element, &weight) in elements.iter().zip(weights) {
                 add_product(&mut x[usize::from(element)], padded_weight(&weigh(weight)), y);
             }
@@ -119,24 +136,27 @@ impl<F: Real, const C: usize> Chunk<F, C> {
 
     /// Visits the non-zeros of one row, band by band.
     pub(super) fn visit(&self, row: usize, bands: &Bands, visit: &mut impl FnMut(usize, Weight<F, C>)) {
-        let (count, local) = (self.rows.len(), row - self.rows.start);
         for band in 0..bands.len() {
             let start = bands.range(band).start;
-            let place = band * count + local;
-            let stretch = self.offsets[place] as usize..self.offsets[place + 1] as usize;
-            for (&element, &weight) in self.elements[stretch.clone()].iter().zip(&self.weights[stretch]) {
-                visit(start + usize::from(element), weight);
+            for (_, elements, weights) in
+                self.stretches(band).filter(|(local, ..)| self.rows.start + local == row)
+            {
+                for (&element, &weight) in elements.iter().zip(weights) {
+                    visit(start + usize::from(element), weight);
+                }
             }
         }
     }
 
-    /// The non-zeros of each row in a band.
+    /// The non-zeros of each row that has any in a band.
     #[inline(always)]
-    fn stretches(&self, band: usize) -> impl Iterator<Item = (&[u16], &[Weight<F, C>])> {
-        let count = self.rows.len();
-        self.offsets[band * count..=(band + 1) * count].windows(2).map(|pair| {
-            let stretch = pair[0] as usize..pair[1] as usize;
-            (&self.elements[stretch.clone()], &self.weights[stretch])
+    fn stretches(&self, band: usize) -> impl Iterator<Item = (usize, &[u16], &[Weight<F, C>])> {
+        let runs = self.bands[band] as usize..self.bands[band + 1] as usize;
+        let mut start = if runs.start == 0 { 0 } else { self.runs[runs.start - 1].end as usize };
+        self.runs[runs].iter().map(move |run| {
+            let stretch = start..run.end as usize;
+            start = stretch.end;
+            (run.row as usize, &self.elements[stretch.clone()], &self.weights[stretch])
         })
     }
 }
@@ -178,8 +198,8 @@ fn add_product<F: Real>(sum: &mut Padded<F>, a: Padded<F>, b: Padded<F>) {
     }
 }
 
-fn close(runs: &mut [Run], end: usize) {
-    if let Some(run) = runs.last_mut().filter(|run| run.visited.end == usize::MAX) {
-        run.visited.end = end;
+fn close(visits: &mut [Visit], end: usize) {
+    if let Some(visit) = visits.last_mut().filter(|visit| visit.visited.end == usize::MAX) {
+        visit.visited.end = end;
     }
 }

@@ -1,4 +1,5 @@
 use std::ops::Range;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::prelude::*;
 
@@ -6,7 +7,7 @@ use super::bands::Bands;
 use super::rows::{CHUNK, Chunk, Padded, padded};
 use super::tiles::Rows;
 use crate::march::{Real, Traversal, Weight, channel};
-use crate::operator::{CpuVector, LinearOperator, Vector, expect_len};
+use crate::operator::{CpuVector, LinearOperator, expect_len};
 use crate::scene::Strategy;
 use crate::{Error, Result};
 
@@ -14,6 +15,8 @@ use crate::{Error, Result};
 const SAMPLES: usize = 4096;
 /// Memory for rows that are walked anew by a scatter, in bytes: small enough to stay near the processor.
 const WALKED_AT_ONCE: u64 = 24 << 20;
+/// Elements that one task copies.
+const PIECE: usize = 1 << 14;
 
 /// What walking the rows of a traversal will take, foreseen from a sample of them.
 #[derive(Debug, Clone)]
@@ -49,8 +52,10 @@ impl WalkPlan {
         let bands = Bands::balanced(elements, &visits, sampled.len());
         let per_row = visits.iter().sum::<u64>() as f64 / sampled.len().max(1) as f64;
         let nonzeros = (per_row * rows as f64).ceil();
-        let bytes =
-            nonzeros * (size_of::<u16>() + size_of::<[F; C]>()) as f64 + (rows * bands.len() * 4) as f64;
+        // A row has a run in every band at most, and none without a non-zero.
+        let runs = rows as f64 * per_row.min(bands.len() as f64);
+        let starts = rows.div_ceil(CHUNK) * (bands.len() + 1) * size_of::<u32>();
+        let bytes = nonzeros * (size_of::<u16>() + size_of::<[F; C]>()) as f64 + 8.0 * runs + starts as f64;
         Self { bands, nonzeros: nonzeros as u64, bytes: bytes as u64 }
     }
 }
@@ -83,6 +88,8 @@ pub struct Transport<T, F, const C: usize> {
     first_walked: usize,
     /// Rows that a scatter walks before it adds them up.
     rows_at_once: usize,
+    /// One padded vector of elements, kept from one application to the next: fresh memory costs more than the products.
+    room: Mutex<Vec<Padded<F>>>,
 }
 
 impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
@@ -112,6 +119,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
             kept: Vec::new(),
             first_walked: kept_rows,
             rows_at_once: rows_at_once.max(4 * CHUNK),
+            room: Mutex::new(Vec::new()),
         };
         transport.kept = transport.walk_chunks(0..kept_rows);
         Ok(transport)
@@ -156,19 +164,29 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         x: &mut CpuVector<F>,
         scatter: impl Fn(&Chunk<F, C>, usize, &mut [Padded<F>]) + Sync,
     ) {
-        x.fill([0.0; 3]);
-        let add = |chunks: &[Chunk<F, C>], x: &mut CpuVector<F>| {
-            self.bands.split(&mut x.0).into_par_iter().enumerate().for_each(|(band, x)| {
-                let mut sums: Vec<Padded<F>> = x.iter().map(|&element| padded(element)).collect();
-                chunks.iter().for_each(|chunk| scatter(chunk, band, &mut sums));
-                x.iter_mut().zip(sums).for_each(|(element, [r, g, b, _])| *element = [r, g, b]);
+        let mut room = self.room();
+        room.par_chunks_mut(PIECE).for_each(|sums| sums.fill([F::zero(); 4]));
+        let add = |chunks: &[Chunk<F, C>], sums: &mut [Padded<F>]| {
+            self.bands.split(sums).into_par_iter().enumerate().for_each(|(band, sums)| {
+                chunks.iter().for_each(|chunk| scatter(chunk, band, sums));
             });
         };
-        add(&self.kept, x);
+        add(&self.kept, &mut room);
         let rows = self.traversal.rows();
         for start in (self.first_walked..rows).step_by(self.rows_at_once) {
-            add(&self.walk_chunks(start..(start + self.rows_at_once).min(rows)), x);
+            add(&self.walk_chunks(start..(start + self.rows_at_once).min(rows)), &mut room);
         }
+        x.0.par_chunks_mut(PIECE).zip(room.par_chunks(PIECE)).for_each(|(x, sums)| {
+            x.iter_mut().zip(sums).for_each(|(element, &[r, g, b, _])| *element = [r, g, b]);
+        });
+    }
+
+    /// Room for one padded vector of elements.
+    fn room(&self) -> MutexGuard<'_, Vec<Padded<F>>> {
+        // A panic of another thread leaves numbers that are overwritten before they are read.
+        let mut room = self.room.lock().unwrap_or_else(PoisonError::into_inner);
+        room.resize(self.traversal.elements(), [F::zero(); 4]);
+        room
     }
 }
 
@@ -202,9 +220,12 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
         expect_len("y", y, self.traversal.rows())?;
         let (kept, walked) = y.0.split_at_mut(self.first_walked);
         if !self.kept.is_empty() {
-            let x: Vec<Padded<F>> = x.0.par_iter().map(|&element| padded(element)).collect();
+            let mut room = self.room();
+            room.par_chunks_mut(PIECE).zip(x.0.par_chunks(PIECE)).for_each(|(room, x)| {
+                room.iter_mut().zip(x).for_each(|(room, &element)| *room = padded(element));
+            });
             let rows = kept.par_chunks_mut(CHUNK).zip(&self.kept);
-            rows.for_each(|(y, chunk)| chunk.gather(&self.bands, &x, y));
+            rows.for_each(|(y, chunk)| chunk.gather(&self.bands, &room, y));
         }
         walked.par_chunks_mut(CHUNK).enumerate().for_each(|(index, y)| {
             let first = self.first_walked + index * CHUNK;

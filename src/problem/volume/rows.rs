@@ -70,7 +70,7 @@ impl VolumeProblem {
         find: Find,
     ) -> Result<Self> {
         let searched = Searched::new(scene, medium, optics, find)?;
-        let (pixels, unwanted) = wanted_pixels(desired);
+        let (pixels, unwanted) = wanted_pixels(scene, desired);
         let rays = open_rays(scene, &pixels);
         let lengths = optics.lengths(scene, &rays);
         let rays = rays.until(lengths.into());
@@ -165,9 +165,20 @@ impl VolumeProblem {
     /// The problem of at most `rows` of its rows, evenly spread.
     pub fn sampled(&self, rows: usize) -> Self {
         let stride = self.targets.len().div_ceil(rows.max(1)).max(1);
-        let picked: Vec<usize> = (0..self.targets.len()).step_by(stride).collect();
+        self.picked(&(0..self.targets.len()).step_by(stride).collect::<Vec<usize>>())
+    }
+
+    /// The same problem with its rows view by view and row by row of their pictures.
+    pub fn in_reading_order(&self) -> Self {
+        let mut order: Vec<usize> = (0..self.targets.len()).collect();
+        order.sort_by_key(|&row| self.traversal.rays().pixel(row));
+        self.picked(&order)
+    }
+
+    /// The problem of some of its rows.
+    fn picked(&self, picked: &[usize]) -> Self {
         let every = |values: &[Rgb]| picked.iter().map(|&row| values[row]).collect();
-        let traversal = self.traversal.along(self.traversal.rays().picked(&picked));
+        let traversal = self.traversal.along(self.traversal.rays().picked(picked));
         Self {
             targets: every(&self.targets),
             weights: every(&self.weights),
@@ -479,18 +490,29 @@ impl<'a> Fixed<'a> {
 }
 
 /// The pixels that something is wanted of, view by view, and how many others there are.
-fn wanted_pixels(desired: &[Desired]) -> (Vec<[u32; 2]>, usize) {
+///
+/// Squares of 8 × 8 neighbours stand together: their rays meet the same voxels.
+fn wanted_pixels(scene: &VolumeScene, desired: &[Desired]) -> (Vec<[u32; 2]>, usize) {
+    const SIDE: usize = 8;
     let mut pixels = Vec::new();
-    let mut unwanted = 0;
+    let mut all = 0;
     for (view, desired) in desired.iter().enumerate() {
-        for (pixel, &[.., weight]) in desired.pixels.iter().enumerate() {
-            if weight > 0.0 {
-                pixels.push([view as u32, pixel as u32]);
-            } else {
-                unwanted += 1;
+        let [width, height] = scene.views[view].view.camera.size();
+        all += width * height;
+        for (top, left) in
+            (0..height).step_by(SIDE).flat_map(|y| (0..width).step_by(SIDE).map(move |x| (y, x)))
+        {
+            for y in top..(top + SIDE).min(height) {
+                for x in left..(left + SIDE).min(width) {
+                    let pixel = y * width + x;
+                    if desired.pixels[pixel][3] > 0.0 {
+                        pixels.push([view as u32, pixel as u32]);
+                    }
+                }
             }
         }
     }
+    let unwanted = all - pixels.len();
     (pixels, unwanted)
 }
 
