@@ -91,7 +91,7 @@ impl Race {
             (SolverName::FlexibleCgls | SolverName::Lsqr | SolverName::Lsmr, _) | (_, MetricName::None) => {
                 "none"
             }
-            (_, MetricName::Tiles) => "tiles",
+            (_, MetricName::Auto | MetricName::Tiles) => "tiles",
             (_, MetricName::Sqs) => "SQS",
             (_, MetricName::Jacobi) => "Jacobi",
         };

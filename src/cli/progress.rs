@@ -68,7 +68,12 @@ impl Steps {
     /// Ends the current step.
     pub(crate) fn end(&mut self) {
         if let Some((name, begun)) = self.begun.take() {
-            self.timings.push((name, begun.elapsed().as_secs_f64()));
+            let seconds = begun.elapsed().as_secs_f64();
+            // A job of several stages takes some steps more than once.
+            match self.timings.iter_mut().find(|(known, _)| *known == name) {
+                Some((_, sum)) => *sum += seconds,
+                None => self.timings.push((name, seconds)),
+            }
         }
     }
 

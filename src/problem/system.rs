@@ -54,7 +54,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
     ) -> Result<Self> {
         problem.check()?;
         let mut system = Self::without_regularization(problem, operator, coverage, settings)?;
-        let regularizers = system.regularizers(problem)?;
+        let regularizers = system.regularizers(problem, settings)?;
         system.weights = system.choose(settings, &regularizers)?;
         system.metric = system.measure(problem, operator, coverage, settings, &regularizers)?;
         system.regularize(regularizers)
@@ -180,9 +180,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         })
     }
 
-    fn regularizers(&self, problem: &Formulation) -> Result<Regularizers<V>> {
-        let places: Vec<u32> = self.columns.iter().map(|&column| problem.lattice.place(column)).collect();
-        let neighbours = Arc::new(Neighbours::new(problem.lattice.size, &places)?);
+    fn regularizers(&self, problem: &Formulation, settings: &SolveSettings) -> Result<Regularizers<V>> {
         // λ of an unknown, relative to that of the others.
         let mut pulls = vec![1.0; self.columns.len()];
         if let Some((element, pull)) = problem.steering {
@@ -190,12 +188,24 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         }
         let roots: Vec<Rgb> = pulls.iter().map(|pull: &f64| [pull.sqrt() as f32; 3]).collect();
         let roots = brought(self.operator.domain(), &roots)?;
+        let asked = settings.regularization;
+        // Who lies beside whom takes much memory, and often nobody asks.
+        let among_neighbours = [asked.gradient, asked.laplacian] != [Weight::Relative(0.0); 2];
         Ok(Regularizers {
             tikhonov: Weighted::new(Identity::scaled(&self.start, [1.0; 3]), roots)?,
             pulls,
-            gradient: Gradient::new(neighbours.clone(), &self.start)?,
-            laplacian: Laplacian::new(neighbours.clone(), &self.start)?,
-            neighbours,
+            among_neighbours: if among_neighbours {
+                let places: Vec<u32> =
+                    self.columns.iter().map(|&column| problem.lattice.place(column)).collect();
+                let neighbours = Arc::new(Neighbours::new(problem.lattice.size, &places)?);
+                Some(AmongNeighbours {
+                    gradient: Gradient::new(neighbours.clone(), &self.start)?,
+                    laplacian: Laplacian::new(neighbours.clone(), &self.start)?,
+                    neighbours,
+                })
+            } else {
+                None
+            },
         })
     }
 
@@ -217,12 +227,14 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
             }
         }
         if let Some(rule) = rule {
-            let operators: [&dyn LinearOperator<Domain = V, Range = V>; 3] =
-                [&regularizers.tikhonov, &regularizers.gradient, &regularizers.laplacian];
-            let terms: Vec<_> = (0..3)
-                .filter(|&i| weights[i] != Some(0.0))
-                .map(|i| Term { operator: operators[i], weight: weights[i] })
-                .collect();
+            type Operators<'o, V> = Vec<&'o dyn LinearOperator<Domain = V, Range = V>>;
+            let mut operators: Operators<V> = vec![&regularizers.tikhonov];
+            if let Some(AmongNeighbours { gradient, laplacian, .. }) = &regularizers.among_neighbours {
+                operators.push(gradient);
+                operators.push(laplacian);
+            }
+            let terms = operators.into_iter().zip(weights).filter(|(_, weight)| *weight != Some(0.0));
+            let terms: Vec<_> = terms.map(|(operator, weight)| Term { operator, weight }).collect();
             let data = LeastSquares::new(&self.operator, &self.rhs);
             let chosen = choose_weight(&data, &self.start, &terms, rule)?;
             self.applications += data.applications();
@@ -235,16 +247,18 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
     /// Puts the regularizers below the data.
     fn regularize(mut self, regularizers: Regularizers<V>) -> Result<Self> {
         let Weights { tikhonov, gradient, laplacian } = self.weights;
-        let Regularizers { tikhonov: identity, gradient: differences, laplacian: sums, .. } = regularizers;
+        let Regularizers { tikhonov: identity, among_neighbours, .. } = regularizers;
         let root = |weight: f64| [weight.sqrt(); 3];
         if tikhonov > 0.0 {
             self.operator = self.operator.over(Scaled::new(identity, root(tikhonov)))?;
         }
-        if gradient > 0.0 {
-            self.operator = self.operator.over(Scaled::new(differences, root(gradient)))?;
-        }
-        if laplacian > 0.0 {
-            self.operator = self.operator.over(Scaled::new(sums, root(laplacian)))?;
+        if let Some(AmongNeighbours { gradient: differences, laplacian: sums, .. }) = among_neighbours {
+            if gradient > 0.0 {
+                self.operator = self.operator.over(Scaled::new(differences, root(gradient)))?;
+            }
+            if laplacian > 0.0 {
+                self.operator = self.operator.over(Scaled::new(sums, root(laplacian)))?;
+            }
         }
         for block in 1..self.operator.blocks() {
             let operator = self.operator.block(block);
@@ -269,7 +283,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         let added = regularizers.diagonal(self.weights, name);
         let diagonal = match name {
             MetricName::None => return Ok(None),
-            MetricName::Tiles => {
+            MetricName::Auto | MetricName::Tiles => {
                 let places: Vec<u32> =
                     self.columns.iter().map(|&column| problem.lattice.place(column)).collect();
                 let tiling =
@@ -308,6 +322,12 @@ struct Regularizers<V: Indexed> {
     tikhonov: Weighted<Identity<V>>,
     /// λ of each unknown's pull towards its start, relative to [`Weights::tikhonov`].
     pulls: Vec<f64>,
+    /// None where nothing asks for them.
+    among_neighbours: Option<AmongNeighbours<V>>,
+}
+
+/// The regularizers that look at neighbours.
+struct AmongNeighbours<V: Indexed> {
     gradient: Gradient<V>,
     laplacian: Laplacian<V>,
     neighbours: Arc<Neighbours>,
@@ -316,18 +336,21 @@ struct Regularizers<V: Indexed> {
 impl<V: Indexed> Regularizers<V> {
     /// Σ λ |R|ᵀ |R| 1, which majorizes them; for Jacobi the diagonal of Σ λ Rᵀ R.
     fn diagonal(&self, weights: Weights, metric: MetricName) -> Vec<f64> {
-        let (of_gradient, of_laplacian) = match metric {
-            MetricName::Jacobi => {
-                let degrees: Vec<f64> = self.neighbours.degrees().into_iter().map(f64::from).collect();
-                let squares = degrees.iter().map(|degree| degree * (degree + 1.0)).collect();
-                (degrees, squares)
+        let mut sums: Vec<f64> = self.pulls.iter().map(|pull| weights.tikhonov * pull).collect();
+        if let Some(AmongNeighbours { neighbours, .. }) = &self.among_neighbours {
+            let (of_gradient, of_laplacian) = match metric {
+                MetricName::Jacobi => {
+                    let degrees: Vec<f64> = neighbours.degrees().into_iter().map(f64::from).collect();
+                    let squares = degrees.iter().map(|degree| degree * (degree + 1.0)).collect();
+                    (degrees, squares)
+                }
+                _ => (neighbours.gradient_majorizer(), neighbours.laplacian_majorizer()),
+            };
+            for ((sum, gradient), laplacian) in sums.iter_mut().zip(of_gradient).zip(of_laplacian) {
+                *sum += weights.gradient * gradient + weights.laplacian * laplacian;
             }
-            _ => (self.neighbours.gradient_majorizer(), self.neighbours.laplacian_majorizer()),
-        };
-        let sum = |((gradient, laplacian), pull): ((f64, f64), &f64)| {
-            weights.tikhonov * pull + weights.gradient * gradient + weights.laplacian * laplacian
-        };
-        of_gradient.into_iter().zip(of_laplacian).zip(&self.pulls).map(sum).collect()
+        }
+        sums
     }
 }
 

@@ -119,8 +119,11 @@ impl SolverName {
 /// What steps are measured with: the nearer to Aᵀ A, the fewer iterations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MetricName {
-    /// Dense blocks of 8 × 8 texels that majorize Aᵀ A; of the methods that can use only a diagonal, [`Self::Sqs`].
+    /// Tiles for light maps, the surrogate for volumes, whose columns are short.
     #[default]
+    Auto,
+    /// Dense blocks of 8 × 8 texels or 4 × 4 × 4 voxels that majorize Aᵀ A; of the methods that can use only a diagonal,
+    /// [`Self::Sqs`].
     Tiles,
     /// The diagonal Aᵀ A 1, the separable quadratic surrogate.
     Sqs,
@@ -201,8 +204,9 @@ impl SolveSettings {
     pub fn metric_in_use(&self) -> MetricName {
         match self.solver {
             SolverName::FlexibleCgls | SolverName::Lsqr | SolverName::Lsmr => MetricName::None,
+            SolverName::Fista | SolverName::Cgls if self.metric == MetricName::Auto => MetricName::Tiles,
             SolverName::Fista | SolverName::Cgls => self.metric,
-            _ if self.metric == MetricName::Tiles => MetricName::Sqs,
+            _ if matches!(self.metric, MetricName::Auto | MetricName::Tiles) => MetricName::Sqs,
             _ => self.metric,
         }
     }

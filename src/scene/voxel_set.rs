@@ -16,8 +16,9 @@ pub struct VoxelSet {
 
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Brick {
-    /// Voxels in the bricks before.
+    /// Voxels in the bricks before, and in this one.
     first: u32,
+    len: u16,
     /// Voxels in the slices before, of this brick.
     before: [u16; BRICK],
     /// One bit a voxel, one word a slice: x in the lowest three bits of the place, y above.
@@ -60,6 +61,7 @@ impl VoxelSet {
                 *before = inside;
                 inside += slice.count_ones() as u16;
             }
+            brick.len = inside;
             len += u32::from(inside);
         }
         self.len = len as usize;
@@ -94,12 +96,12 @@ impl VoxelSet {
     #[inline(always)]
     pub fn is_brick_empty(&self, [i, j, k]: [usize; 3]) -> bool {
         let [across, down, _] = self.bricks();
-        self.bricks[(k * down + j) * across + i].slices == [0; BRICK]
+        self.bricks[(k * down + j) * across + i].len == 0
     }
 
     /// Bricks without a voxel, and all bricks.
     pub fn empty_bricks(&self) -> [usize; 2] {
-        [self.bricks.iter().filter(|brick| brick.slices == [0; BRICK]).count(), self.bricks.len()]
+        [self.bricks.iter().filter(|brick| brick.len == 0).count(), self.bricks.len()]
     }
 
     /// The number of a voxel in the set.

@@ -45,15 +45,17 @@ pub(super) fn run(arguments: &VolumeArguments, manners: &Manners) -> Result<Done
     let mut after = before.clone();
     for &find in &scene.stages {
         if !stages.is_empty() {
-            steps.begin("lighting", None);
-            optics = Optics::new(&scene, &medium)?;
             after = pictures(&scene, &medium, &optics, VolumeProblem::model(&scene, find), &mut steps)?;
         }
         let task = stage::Task { scene: &scene, medium: &medium, optics: &optics, desired: &desired, find };
         let stage = task.solve(&mut engine, arguments, &folder, &mut steps)?;
         let pictures_before = std::mem::take(&mut after);
         medium = stage.medium.clone();
-        optics = Optics::new(&scene, &medium)?;
+        if find == Find::Extinction {
+            // Only extinction changes how light comes through.
+            steps.begin("lighting", None);
+            optics = Optics::new(&scene, &medium)?;
+        }
         after = pictures(&scene, &medium, &optics, VolumeProblem::model(&scene, find), &mut steps)?;
         let interrupted = stage.trial.solved.outcome.stop.reason == StopReason::Interrupted;
         stages.push(Stage {

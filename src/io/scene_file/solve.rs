@@ -84,7 +84,9 @@ pub enum Solver {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MetricName {
-    /// Dense blocks of 8 × 8 texels.
+    /// Tiles for light maps, the surrogate for volumes.
+    Auto,
+    /// Dense blocks of 8 × 8 texels or 4 × 4 × 4 voxels.
     Tiles,
     /// The product of the matrix and its transpose with ones, the separable quadratic surrogate.
     Sqs,
@@ -260,7 +262,7 @@ macro_rules! same_names {
 same_names!(
     Solver, SolverName: Fista, Spectral, Lbfgs, Mprgp, FlexibleCgls, ClampedCgls, Cgls, Lsqr, Lsmr
 );
-same_names!(MetricName, MetricName: Tiles, Sqs, Jacobi, None);
+same_names!(MetricName, MetricName: Auto, Tiles, Sqs, Jacobi, None);
 same_names!(Strategy, Strategy: Auto, Assembled, MatrixFree);
 
 #[cfg(test)]

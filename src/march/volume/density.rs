@@ -3,6 +3,8 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use super::cells::{CellRay, Line};
 use super::window::parts;
 use crate::scene::{Interpolation, Volume, VoxelGrid, VoxelSet};
@@ -77,14 +79,21 @@ impl Density {
     }
 
     /// Optical depth a channel along `direction` (of unit length) from `origin`, over `length` metres; infinite lengths are
-    /// allowed.
-    pub fn optical_depth(&self, origin: glam::DVec3, direction: glam::DVec3, length: f64) -> [f64; 3] {
+    /// allowed. Past a depth of 750, through which not even the least f64 gets, it may be too small.
+    pub fn optical_depth(&self, origin: DVec3, direction: DVec3, length: f64) -> [f64; 3] {
         let line = Line { origin, direction };
-        let mut sum = [0.0; 3];
-        self.each_piece::<3>(&line, 0.0, length, |_, _, _, depth| {
+        if self.is_grey() {
+            let [tau] = self.depth_along::<1>(&line, length);
+            return [tau; 3];
+        }
+        self.depth_along::<3>(&line, length)
+    }
+
+    fn depth_along<const C: usize>(&self, line: &Line, length: f64) -> [f64; C] {
+        let mut sum = [0.0; C];
+        self.each_piece::<C>(line, 0.0, length, |_, _, _, depth| {
             let tau = depth.at(1.0);
-            (0..3).for_each(|c| sum[c] += tau[c]);
-            // Beyond this not even the least f64 gets through.
+            (0..C).for_each(|c| sum[c] += tau[c]);
             if sum.iter().all(|&tau| tau > 750.0) {
                 ControlFlow::Break(())
             } else {
@@ -95,8 +104,8 @@ impl Density {
     }
 
     /// σ_t at a point in world space.
-    pub(super) fn at(&self, point: glam::DVec3) -> [f64; 3] {
-        let line = Line { origin: point, direction: glam::DVec3::ZERO };
+    pub(super) fn at(&self, point: DVec3) -> [f64; 3] {
+        let line = Line { origin: point, direction: DVec3::ZERO };
         let shift = self.interpolation.cells().0;
         let ray = CellRay::new(&line, self.grid(), shift);
         let size = self.grid().size();

@@ -12,7 +12,7 @@ use crate::march::{Part, Quantity, Traversal, VolumeTraversal, Weight};
 use crate::operator::{Bounds, CpuVector};
 use crate::problem::{Formulation, Lattice, Start};
 use crate::scene::{
-    Find, Rgb, SolveSettings, Strategy, Volume, VolumeMedium, VolumeScene, VoxelGrid, VoxelSet,
+    Find, MetricName, Rgb, SolveSettings, Strategy, Volume, VolumeMedium, VolumeScene, VoxelGrid, VoxelSet,
 };
 use crate::{Error, Result};
 
@@ -546,6 +546,11 @@ impl VolumeProblem {
             Find::Albedo => scene.bounds.albedo,
             Find::Extinction => scene.bounds.extinction,
         };
-        SolveSettings { bounds, ..scene.solve.clone() }
+        // Tiles of 64 voxels cost several times what a row's few voxels do, and save few iterations (docs/volumes.md).
+        let metric = match scene.solve.metric {
+            MetricName::Auto => MetricName::Sqs,
+            metric => metric,
+        };
+        SolveSettings { bounds, metric, ..scene.solve.clone() }
     }
 }
