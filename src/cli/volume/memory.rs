@@ -72,5 +72,10 @@ pub(in crate::cli) fn stage_bytes(
     // Beside those of the method: start, scaling, coverage, right-hand side, weights, and what operators keep.
     let vectors = (kept.domain + 6) * COLOR * unknowns + (kept.range + 5) * COLOR * (rows + unknowns);
     let rays = rows * size_of::<[u32; 2]>();
-    scene_bytes(scene) + (vectors + rays + (64 << 20)) as u64 + metric_bytes(settings, problem)
+    // The padded vector of the operator, and the colours of all voxels while what was found is put among them.
+    let padded = unknowns * size_of::<[f32; 4]>();
+    let replaced = 2 * COLOR * problem.voxels() / problem.traversal.parts().len().max(1);
+    scene_bytes(scene)
+        + ((vectors + rays + padded).max(replaced) + (64 << 20)) as u64
+        + metric_bytes(settings, problem)
 }

@@ -10,6 +10,7 @@ mod nothing_lost;
 mod other_commands;
 mod pictures;
 mod solving;
+mod volume;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -187,7 +188,10 @@ fn camera(origin: [f64; 3]) -> Value {
 
 /// The scene with the value at a JSON pointer replaced, or made where there is none.
 pub fn scene_with(pointer: &str, value: Value) -> Value {
-    let mut scene = scene();
+    with(scene(), pointer, value)
+}
+
+fn with(mut scene: Value, pointer: &str, value: Value) -> Value {
     let (parent, key) = pointer.rsplit_once('/').unwrap();
     match scene.pointer_mut(parent).unwrap() {
         Value::Object(object) => {

@@ -197,7 +197,7 @@ impl VolumeDocument {
         let lights = self.lights.iter().enumerate();
         let lights = lights.map(|(i, light)| light.build(&mut assets).at(&format!("lights[{i}]")));
         let lights = lights.collect::<Built<_>>()?;
-        let medium = self.volume.build(&assets).at("volume")?;
+        let medium = self.volume.build(&assets, &self.find.stages()).at("volume")?;
         let views = self.build_views(&mut assets)?;
         let mut mesh = Mesh::default();
         for (i, occluder) in self.occluders.iter().enumerate() {

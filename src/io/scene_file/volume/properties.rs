@@ -104,12 +104,21 @@ pub struct PropertyBounds {
 }
 
 impl Volume {
-    pub(super) fn build(&self, assets: &Assets) -> Built<VolumeMedium> {
+    /// The medium. What is the same everywhere and not looked for takes one voxel.
+    pub(super) fn build(&self, assets: &Assets, looked_for: &[scene::Find]) -> Built<VolumeMedium> {
         let place = self.to_world.as_ref().map(Transform::build).transpose().at("to_world")?;
         let size = self.size.map(GridSize::sides);
         let extinction = self.extinction.build(assets, size, place).at("extinction")?;
         let (size, place) = (size.unwrap_or(extinction.grid().size()), extinction.grid().world_from_cube());
         let field = |field: &Field, name: &str, range: [f32; 2], expected: &str| -> Built<_> {
+            use scene::Find::{Albedo, Emission, Joint};
+            let is_found = looked_for.iter().any(|find| match find {
+                Emission => name == "emission",
+                Albedo => name == "albedo",
+                Joint => name == "emission" || name == "albedo",
+                scene::Find::Extinction => false,
+            });
+            let size = if matches!(field, Field::Constant(_)) && !is_found { [1; 3] } else { size };
             let volume = field.build(assets, Some(size), Some(place)).at(name)?;
             inside(&volume, range, expected).at(name)?;
             Ok(Arc::new(volume))
