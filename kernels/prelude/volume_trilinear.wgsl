@@ -171,7 +171,7 @@ fn window_add(fraction: vec3<f32>, weight: Weight) {
     taps[7] += weight * (f.x * f.y * f.z);
 }
 
-// The share `weight` of a panel at u, where w of [0, 1] are inside the unknown's cell.
+// Adds what is extinguished around u of the piece, `at` in the unknown's cell, of a panel's share `weight`.
 fn node(
     depth: Depth,
     before: Weight,

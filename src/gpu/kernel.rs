@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use crate::march::{GAUSS_2, GAUSS_4, PANEL, SERIES_0, SERIES_2};
 use crate::operator::{NOWHERE, TILE_SIDE};
-use crate::scene::{Basis, Quadrature};
 
 use super::fixed_point::Accumulation;
 use super::layout::{FARTHEST, LEVELS, LIGHTS, PLACE_BITS, TICKS};
+use super::walk::{Consumer, VolumeWalk, Walk};
 
 /// Lanes of a workgroup that works on vectors and kept rows.
 pub(super) const LANES: u32 = 256;
@@ -67,13 +67,6 @@ pub(super) enum Kernel {
     },
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum Consumer {
-    Gather,
-    Scatter(Accumulation),
-    Squares(Accumulation),
-}
-
 impl Consumer {
     /// The texts that add up what it deposits, if it does.
     fn deposits(self, scatter: &'static str) -> Vec<&'static str> {
@@ -84,58 +77,6 @@ impl Consumer {
             Accumulation::Fixed => text!("prelude/accumulate_fixed"),
         };
         vec![text!("prelude/fixed_point"), scatter, accumulate]
-    }
-}
-
-/// How a ray is walked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct Walk {
-    pub(super) bilinear: bool,
-    pub(super) march: bool,
-    pub(super) colored: bool,
-    /// Channels at once: 1 or 3.
-    pub(super) channels: u32,
-    /// Whether deposits near the entry are summed up inside a workgroup first.
-    pub(super) near: bool,
-}
-
-impl Walk {
-    /// All channels at once, every deposit for itself.
-    pub(super) fn new(basis: Basis, quadrature: Quadrature, colored: bool) -> Self {
-        let march = matches!(quadrature, Quadrature::March { .. });
-        Self { bilinear: basis == Basis::Bilinear, march, colored, channels: 3, near: false }
-    }
-}
-
-/// How a ray is walked through a volume.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct VolumeWalk {
-    pub(super) extinction: bool,
-    /// Whether what is emitted is multiplied by light.
-    pub(super) lit: bool,
-    /// Whether the unknown has another grid than the medium.
-    pub(super) nested: bool,
-    pub(super) trilinear: bool,
-    pub(super) colored: bool,
-    /// Channels at once: 1 or 3.
-    pub(super) channels: u32,
-}
-
-impl VolumeWalk {
-    /// Every way that a volume can ask for.
-    fn all() -> Vec<Self> {
-        let mut all = Vec::new();
-        for bits in 0..16 {
-            let [lit, nested, trilinear, colored] = [0, 1, 2, 3].map(|bit| bits >> bit & 1 == 1);
-            for channels in [1, 3] {
-                let walk = Self { extinction: false, lit, nested, trilinear, colored, channels };
-                all.push(walk);
-                if !lit && !nested {
-                    all.push(Self { extinction: true, ..walk });
-                }
-            }
-        }
-        all
     }
 }
 

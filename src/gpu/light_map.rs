@@ -4,13 +4,14 @@ use std::cell::RefCell;
 
 use super::Gpu;
 use super::fixed_point::{Accumulation, FixedSums};
-use super::kernel::{Consumer, Kernel, RAYS, Walk};
+use super::kernel::{Kernel, RAYS};
 use super::layout::{LEVELS, Ray, Transport};
 use super::memory::Allocation;
 use super::pass::{Walking, walkings};
 use super::ray::{Depths, ray};
 use super::recorder::Binding;
 use super::vector::{GpuVector, MOST_WORKGROUPS, Slab};
+use super::walk::{Consumer, Walk};
 use crate::march::LightMapTraversal;
 use crate::operator::{LinearOperator, Vector, expect_len};
 use crate::scene::Quadrature;

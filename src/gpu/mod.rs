@@ -23,6 +23,7 @@ mod tiles;
 mod transport;
 mod vector;
 mod volume;
+mod walk;
 
 pub use adapter::{AdapterRecord, Choice, Fault, adapters, may_have_hardware};
 pub use device::Gpu;

@@ -10,11 +10,12 @@ use std::cell::RefCell;
 
 use super::Gpu;
 use super::fixed_point::{Accumulation, FixedSums};
-use super::kernel::{Consumer, Kernel, RAYS, VolumeWalk};
+use super::kernel::{Kernel, RAYS};
 use super::layout::Pass;
 use super::pass::walkings;
 use super::recorder::Binding;
 use super::vector::{GpuVector, Slab};
+use super::walk::{Consumer, VolumeWalk};
 use crate::Result;
 use crate::march::VolumeTraversal;
 use crate::operator::{LinearOperator, Vector, expect_len};

@@ -8,10 +8,11 @@ use super::bricks::{Pool, append_records, slots};
 use super::light::{factors, largest, light};
 use super::track::Cells;
 use crate::gpu::Gpu;
-use crate::gpu::kernel::{RAYS, VolumeWalk};
+use crate::gpu::kernel::RAYS;
 use crate::gpu::layout::{Light, Track, Volume};
 use crate::gpu::memory::Allocation;
 use crate::gpu::vector::MOST_WORKGROUPS;
+use crate::gpu::walk::VolumeWalk;
 use crate::march::{InScattering, Part, Quantity, VolumeTraversal};
 use crate::scene::Interpolation;
 use crate::{Error, Result};
@@ -131,10 +132,7 @@ fn tables(
         words.extend(pool.slots);
         values.extend(pool.values);
     }
-    let transform =
-        if matches!(part.quantity, Quantity::Extinction) { &part.grid } else { shared.density.grid() }
-            .world_from_grid();
-    let m = transform.matrix3;
+    let m = walked.world_from_cells();
     let volume = Volume {
         metres: [m.x_axis, m.y_axis, m.z_axis].map(|axis| axis.as_vec3().extend(0.0).to_array()),
         cells: walked.size.map(|side| side as u32),

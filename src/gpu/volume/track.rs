@@ -1,5 +1,7 @@
 //! Rays as the kernels walk them through a grid: in integers, rounded once, in f64.
 
+use glam::DMat3;
+
 use crate::gpu::layout::{PLACE_BITS, TICKS, Track};
 use crate::march::{CellRay, Line};
 use crate::scene::{Interpolation, Ray, VoxelGrid};
@@ -32,6 +34,11 @@ impl Cells {
     pub(super) fn new(grid: &VoxelGrid, interpolation: Interpolation) -> Self {
         let (shift, extra) = interpolation.cells();
         Self { grid: *grid, shift, size: grid.size().map(|side| side + extra) }
+    }
+
+    /// Metres along the axes of a cell.
+    pub(super) fn world_from_cells(&self) -> DMat3 {
+        self.grid.world_from_grid().matrix3
     }
 
     fn cell_ray(&self, ray: &Ray) -> CellRay {

@@ -124,7 +124,7 @@ fn lights(n: &mut Numbers, grid: VoxelGrid, count: usize, colored: bool) -> Arc<
     ];
     let field = |k: usize, n: &mut Numbers| {
         let lit = others[k];
-        let channels = if colored && k % 2 == 0 { 3 } else { 1 };
+        let channels = if colored && k.is_multiple_of(2) { 3 } else { 1 };
         let samples = (0..lit.len() * channels).map(|_| n.uniform(0.0, 2.0) as f32).collect();
         LitVolume {
             along: (k % 3 != 2).then(|| (n.direction(), 0.3 * k as f64)),
