@@ -3,24 +3,30 @@
 //!     cargo bench --bench gpu                      hardware where there is some, else a software adapter
 //!     cargo bench --bench gpu -- large             and six views of 1920 × 1080, all painted, map 2048²
 //!                                                  (without it software adapters are spared the medium size, too)
+//!     cargo bench --bench gpu -- volume            only a volume of the size of Klehm 2015, fig. 7.3
 //!     cargo bench --bench gpu -- adapter=NAME
 //!
 //! Seconds are the adapter's own where it has timestamps, the median of a few trials. Shares are of the bandwidth with which
 //! it copies a long vector. What a product must at least move is counted: kept rows 8 bytes a non-zero, walked ones
 //! 160 bytes a ray, and each vector once; an iteration two products, and each vector of the method read and written once.
+//! Rays through volumes are in tiles of 8 × 8 pixels, as the command has them.
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DQuat, DVec2, DVec3};
 use unscatter::Result;
 use unscatter::cpu::{Rows, Transport as CpuTransport, WalkPlan};
-use unscatter::gpu::{Choice, Gpu, GpuVector, Kept, RowTable, Transport, Walked};
-use unscatter::march::{LightMapTransport, LightMapTraversal, Traversal, ViewRay};
+use unscatter::gpu::{Choice, Gpu, GpuVector, Kept, RowTable, Transport, Walked, WalkedVolume};
+use unscatter::march::{
+    Density, LightMapTransport, LightMapTraversal, Part, PixelRays, Quantity, Traversal, ViewRay,
+    VolumeTransport, VolumeTraversal,
+};
 use unscatter::operator::{Blocks, Identity, LinearOperator, Stacked, Vector};
 use unscatter::scene::{
-    Basis, Camera, Extent, FovAxis, Grid, LightFrame, Medium, Quadrature, ShadowMap, Strategy, look_at,
+    Basis, Camera, Extent, FovAxis, Grid, Interpolation, LightFrame, Medium, Quadrature, Samples, ShadowMap,
+    Strategy, Volume, VoxelGrid, look_at,
 };
 use unscatter::solve::{Beginning, Cgls, Control, LeastSquares, Limits, drive};
 
@@ -85,11 +91,11 @@ impl Field {
 }
 
 /// The rows as the processor keeps them, and how often the texel that most rays meet is met.
-fn table(traversal: &LightMapTraversal, plan: &WalkPlan) -> (RowTable, usize) {
+fn table<T: Traversal<f64, 1> + Clone>(traversal: &T, plan: &WalkPlan) -> (RowTable, usize) {
     let kept =
         CpuTransport::<_, f32, 1>::new(traversal.clone(), plan, Strategy::Assembled, u64::MAX).unwrap();
     let mut table = RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new()] };
-    let mut met = vec![0; traversal.transport().light_map.len()];
+    let mut met = vec![0; traversal.elements()];
     for row in 0..Rows::<f32, 1>::rows(&kept) {
         kept.visit(row, &mut |element, [weight]: [f32; 1]| {
             met[element] += 1;
@@ -152,6 +158,77 @@ fn iteration(gpu: &Gpu, operator: &Transport) -> [f64; 2] {
     [(ended - begun).as_secs_f64() / iterations, (all_trips - trips) as f64 / iterations]
 }
 
+/// A blob with waves on it, 18 % of a cube of 128³ voxels, seen by 2 cameras of 480 × 480 pixels.
+fn blob(basis: Interpolation) -> VolumeTraversal {
+    const SIDE: u32 = 480;
+    let cube = DAffine3::from_scale_rotation_translation(DVec3::splat(2.0), DQuat::IDENTITY, DVec3::NEG_ONE);
+    let grid = VoxelGrid::over_cube([128; 3], cube).unwrap();
+    let sigma_t = |index: usize| {
+        let p = grid.centre(grid.voxel(index));
+        let waves = 0.4 * (7.0 * p.x).sin() * (9.0 * p.y).sin() * (8.0 * p.z).sin();
+        6.0 * (1.0 - 2.0 * p.length_squared() + waves).max(0.0)
+    };
+    let samples = Samples::F32((0..grid.len()).map(|index| sigma_t(index) as f32).collect());
+    let density = Arc::new(Density::new(Arc::new(Volume::new(grid, 1, samples).unwrap()), basis));
+    let camera = |eye: DVec3| {
+        Camera::new(look_at(eye, DVec3::ZERO, DVec3::Y).unwrap(), 53.0, FovAxis::Y, [SIDE as usize; 2])
+            .unwrap()
+    };
+    let cameras = [DVec3::new(0.0, 0.0, -3.0), DVec3::new(-3.0, 0.0, 0.0)].map(camera);
+    let pixel = |n: u32| {
+        let (tile, inside) = (n / 64, n % 64);
+        let (x, y) = (tile % (SIDE / 8) * 8 + inside % 8, tile / (SIDE / 8) * 8 + inside / 8);
+        y * SIDE + x
+    };
+    let pixels: Vec<[u32; 2]> =
+        (0..2).flat_map(|view| (0..SIDE * SIDE).map(move |n| [view, pixel(n)])).collect();
+    let some = Arc::new(grid.set(|index| sigma_t(index) > 0.0));
+    let part = Part::new(Quantity::Emission, grid, some, basis);
+    let transport = VolumeTransport {
+        density,
+        basis,
+        quadrature: Quadrature::Exact,
+        transmittance_bound: f64::powi(2.0, -24),
+        refraction: None,
+    };
+    VolumeTraversal::new(transport, PixelRays::new(cameras.into(), pixels, Vec::new().into()), vec![part])
+}
+
+/// Emission of a volume, walked and from kept rows.
+fn volume(gpu: &Gpu) {
+    println!(
+        "{:<12}{:<16}{:>9}{:>11}{:>12}{:>11}",
+        "volume", "rows are", "rays", "elements", "gather ms", "scatter ms"
+    );
+    for (name, basis) in [("nearest", Interpolation::Nearest), ("trilinear", Interpolation::Trilinear)] {
+        let traversal = blob(basis);
+        let (rows, elements) = (traversal.rays().len(), traversal.parts()[0].voxels().len());
+        let walked = |deterministic| {
+            let walked = WalkedVolume::new(gpu, &traversal, false, deterministic).unwrap();
+            Transport::Volume(Box::new(walked))
+        };
+        let kept = || {
+            let (table, _) = table(&traversal, &WalkPlan::new::<f32, 1>(&traversal));
+            Transport::Kept(Kept::new(gpu, table, elements).unwrap())
+        };
+        // One at a time: each takes memory.
+        let ways: [(&str, &dyn Fn() -> Transport); 3] =
+            [("walked", &|| walked(false)), ("walked, fixed", &|| walked(true)), ("kept", &kept)];
+        for (way, operator) in ways {
+            let operator = operator();
+            let (mut x, mut y) = (operator.domain(), operator.range());
+            x.fill([1.0, 0.5, 0.25]);
+            let gather = seconds(gpu, || operator.apply(&x, &mut y));
+            let scatter = seconds(gpu, || operator.apply_adjoint(&y, &mut x));
+            println!(
+                "{name:<12}{way:<16}{rows:>9}{elements:>11}{:>12.3}{:>11.3}",
+                1e3 * gather,
+                1e3 * scatter
+            );
+        }
+    }
+}
+
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let name = arguments.iter().find_map(|argument| argument.strip_prefix("adapter=").map(str::to_owned));
@@ -162,6 +239,9 @@ fn main() {
     let copied = bandwidth(&gpu);
     let record = gpu.record();
     println!("{} ({}, {}), copies {:.1} GB/s", record.name, record.kind, record.driver, copied * 1e-9);
+    if arguments.iter().any(|argument| argument == "volume") {
+        return volume(&gpu);
+    }
     println!(
         "{:<8}{:<13}{:>9}{:>9}{:>11}{:>9}{:>9}{:>8}{:>11}{:>9}{:>9}{:>8}{:>11}{:>8}{:>8}",
         "size",

@@ -26,6 +26,14 @@ fn is_positive(weight: Weight) -> bool {
     return any(weight > Weight(0.0));
 }
 
+fn largest(weight: Weight) -> f32 {
+    return max(max(weight.x, weight.y), weight.z);
+}
+
+fn smallest(weight: Weight) -> f32 {
+    return min(min(weight.x, weight.y), weight.z);
+}
+
 // The weights of the bound channels.
 fn weights_of(weight: Weight) -> vec3<f32> {
     if CHANNELS == 3u {

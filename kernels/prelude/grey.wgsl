@@ -24,6 +24,14 @@ fn is_positive(weight: Weight) -> bool {
     return weight > 0.0;
 }
 
+fn largest(weight: Weight) -> f32 {
+    return weight;
+}
+
+fn smallest(weight: Weight) -> f32 {
+    return weight;
+}
+
 // The weights of the bound channels.
 fn weights_of(weight: Weight) -> vec3<f32> {
     return vec3(weight);

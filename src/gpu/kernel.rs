@@ -2,12 +2,12 @@
 
 use std::fmt::Write as _;
 
-use crate::march::{SERIES_0, SERIES_2};
+use crate::march::{GAUSS_2, GAUSS_4, PANEL, SERIES_0, SERIES_2};
 use crate::operator::{NOWHERE, TILE_SIDE};
-use crate::scene::{Basis, Quadrature};
 
 use super::fixed_point::Accumulation;
-use super::layout::{FARTHEST, LEVELS, TICKS};
+use super::layout::{FARTHEST, LEVELS, LIGHTS, PLACE_BITS, TICKS};
+use super::walk::{Consumer, VolumeWalk, Walk};
 
 /// Lanes of a workgroup that works on vectors and kept rows.
 pub(super) const LANES: u32 = 256;
@@ -19,6 +19,12 @@ pub(super) const RAYS: u32 = 64;
 const NEAR: u32 = 16;
 /// Terms of the series for thin media: enough for f32 up to an optical depth of ½ a cell.
 const SERIES: usize = 9;
+
+macro_rules! text {
+    ($name:literal) => {
+        include_str!(concat!("../../kernels/", $name, ".wgsl"))
+    };
+}
 
 /// One kernel in one of its variants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -44,6 +50,8 @@ pub(super) enum Kernel {
     FixedFinish,
     /// The traversal of the light map, compiled into a consumer.
     LightMap(Consumer, Walk),
+    /// The traversal of one quantity of a volume, compiled into a consumer.
+    Volume(Consumer, VolumeWalk),
     Rows {
         colored: bool,
         /// Channels at once: 1 or 3.
@@ -59,30 +67,16 @@ pub(super) enum Kernel {
     },
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum Consumer {
-    Gather,
-    Scatter(Accumulation),
-    Squares(Accumulation),
-}
-
-/// How a ray is walked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct Walk {
-    pub(super) bilinear: bool,
-    pub(super) march: bool,
-    pub(super) colored: bool,
-    /// Channels at once: 1 or 3.
-    pub(super) channels: u32,
-    /// Whether deposits near the entry are summed up inside a workgroup first.
-    pub(super) near: bool,
-}
-
-impl Walk {
-    /// All channels at once, every deposit for itself.
-    pub(super) fn new(basis: Basis, quadrature: Quadrature, colored: bool) -> Self {
-        let march = matches!(quadrature, Quadrature::March { .. });
-        Self { bilinear: basis == Basis::Bilinear, march, colored, channels: 3, near: false }
+impl Consumer {
+    /// The texts that add up what it deposits, if it does.
+    fn deposits(self, scatter: &'static str) -> Vec<&'static str> {
+        let (Self::Scatter(accumulation) | Self::Squares(accumulation)) = self else { return Vec::new() };
+        let accumulate = match accumulation {
+            Accumulation::Float => text!("prelude/accumulate_float"),
+            Accumulation::Swap => text!("prelude/accumulate_swap"),
+            Accumulation::Fixed => text!("prelude/accumulate_fixed"),
+        };
+        vec![text!("prelude/fixed_point"), scatter, accumulate]
     }
 }
 
@@ -102,12 +96,6 @@ pub(super) enum Access {
     Uniform,
     Read,
     Write,
-}
-
-macro_rules! text {
-    ($name:literal) => {
-        include_str!(concat!("../../kernels/", $name, ".wgsl"))
-    };
 }
 
 impl Kernel {
@@ -145,6 +133,9 @@ impl Kernel {
             Self::LightMap(Consumer::Gather, _) => file!("light_map_gather"),
             Self::LightMap(Consumer::Scatter(_), _) => file!("light_map_scatter"),
             Self::LightMap(Consumer::Squares(_), _) => file!("light_map_squares"),
+            Self::Volume(Consumer::Gather, _) => file!("volume_gather"),
+            Self::Volume(Consumer::Scatter(_), _) => file!("volume_scatter"),
+            Self::Volume(Consumer::Squares(_), _) => file!("volume_squares"),
             Self::Rows { .. } => file!("rows"),
             Self::Tiles { .. } => file!("tiles"),
         }
@@ -177,15 +168,23 @@ impl Kernel {
                     text!("prelude/visibility"),
                     text!("prelude/light_map"),
                 ];
-                if let Consumer::Scatter(accumulation) | Consumer::Squares(accumulation) = consumer {
-                    texts.push(text!("prelude/fixed_point"));
-                    texts.push(text!("prelude/scatter"));
-                    texts.push(match accumulation {
-                        Accumulation::Float => text!("prelude/accumulate_float"),
-                        Accumulation::Swap => text!("prelude/accumulate_swap"),
-                        Accumulation::Fixed => text!("prelude/accumulate_fixed"),
-                    });
-                }
+                texts.extend(consumer.deposits(text!("prelude/scatter")));
+                texts
+            }
+            Self::Volume(consumer, walk) => {
+                let mut texts = vec![
+                    if walk.colored { text!("prelude/colored") } else { text!("prelude/grey") },
+                    text!("prelude/exponential"),
+                    text!("prelude/volume_track"),
+                    text!("prelude/volume_bricks"),
+                    if walk.trilinear {
+                        text!("prelude/volume_trilinear")
+                    } else {
+                        text!("prelude/volume_nearest")
+                    },
+                    text!("prelude/volume"),
+                ];
+                texts.extend(consumer.deposits(text!("prelude/volume_scatter")));
                 texts
             }
             _ => vec![text!("prelude/vector_params"), text!("prelude/vector")],
@@ -230,6 +229,27 @@ impl Kernel {
                 put(series("series_0", &SERIES_0[..SERIES]));
                 put(series("series_2", &SERIES_2[..SERIES]));
             }
+            Self::Volume(_, walk) => {
+                put(format!("const RAYS: u32 = {RAYS}u;\nconst LIGHTS: u32 = {LIGHTS}u;"));
+                put(format!("const TICKS: u32 = {TICKS}u;\nconst PLACE_BITS: u32 = {PLACE_BITS}u;"));
+                put(format!(
+                    "const CHANNELS: u32 = {}u;\nconst COLORED: bool = {};",
+                    walk.channels, walk.colored
+                ));
+                put(format!("const EXTINCTION: bool = {};", walk.extinction));
+                put(format!("const LIT: bool = {};\nconst NESTED: bool = {};", walk.lit, walk.nested));
+                put(format!("const PANEL: f32 = {PANEL:e}f;"));
+                for (k, [node, weight]) in GAUSS_4.iter().enumerate() {
+                    put(format!(
+                        "const NODE_{k}: f32 = {node:e}f;\nconst NODE_WEIGHT_{k}: f32 = {weight:e}f;"
+                    ));
+                }
+                for (k, [node, _]) in GAUSS_2.iter().enumerate() {
+                    put(format!("const HALF_NODE_{k}: f32 = {node:e}f;"));
+                }
+                put(series("series_0", &SERIES_0[..SERIES]));
+                put(series("series_2", &SERIES_2[..SERIES]));
+            }
             Self::Rows { colored, channels, squared, sharers } => {
                 put(format!("const COLORED: bool = {colored};\nconst CHANNELS: u32 = {channels}u;"));
                 put(format!("const SQUARED: bool = {squared};\nconst SHARERS: u32 = {sharers}u;"));
@@ -267,8 +287,11 @@ impl Kernel {
             Self::Difference | Self::Divergence | Self::FixedFinish => {
                 vec![Parameters, Write, Read, Read, Read]
             }
-            Self::LightMap(Consumer::Gather, _) => vec![Parameters, Write, Read],
-            Self::LightMap(Consumer::Scatter(sums) | Consumer::Squares(sums), _) => match sums {
+            Self::LightMap(Consumer::Gather, _) | Self::Volume(Consumer::Gather, _) => {
+                vec![Parameters, Write, Read]
+            }
+            Self::LightMap(Consumer::Scatter(sums) | Consumer::Squares(sums), _)
+            | Self::Volume(Consumer::Scatter(sums) | Consumer::Squares(sums), _) => match sums {
                 Accumulation::Fixed => vec![Parameters, Read, Write, Write, Read],
                 Accumulation::Float | Accumulation::Swap => vec![Parameters, Read, Write],
             },
@@ -276,6 +299,7 @@ impl Kernel {
         };
         match self {
             Self::LightMap(..) => vec![first, vec![Read, Read, Uniform], vec![Read]],
+            Self::Volume(..) => vec![first, vec![Read, Read, Read, Uniform], vec![Read]],
             _ => vec![first],
         }
     }
@@ -304,6 +328,11 @@ impl Kernel {
             Self::FixedFinish,
         ];
         let sums = [Accumulation::Float, Accumulation::Swap, Accumulation::Fixed];
+        for walk in VolumeWalk::all() {
+            all.push(Self::Volume(Consumer::Gather, walk));
+            all.extend(sums.map(|sums| Self::Volume(Consumer::Scatter(sums), walk)));
+            all.extend(sums.map(|sums| Self::Volume(Consumer::Squares(sums), walk)));
+        }
         for colored in [false, true] {
             for channels in [1, 3] {
                 for [bilinear, march] in [[false, false], [false, true], [true, false], [true, true]] {
@@ -505,6 +534,34 @@ mod tests {
         );
         same_layout!(
             gather,
+            "Pass",
+            layout::Pass,
+            [rows, y_first, y_stride, channel, x_first, x_len, x_stride, again]
+        );
+        let walk = VolumeWalk {
+            extinction: false,
+            lit: true,
+            nested: true,
+            trilinear: true,
+            colored: false,
+            channels: 3,
+        };
+        let volume = Kernel::Volume(Consumer::Gather, walk);
+        same_layout!(volume, "Track", layout::Track, [first, step_high, step_low, entry]);
+        same_layout!(
+            volume,
+            "Light",
+            layout::Light,
+            [high, low, at_high, slots, at_low, first, size, channels]
+        );
+        same_layout!(
+            volume,
+            "Volume",
+            layout::Volume,
+            [metres, cells, slots, size, elements, transmittance_bound, channels, lights, pad, light]
+        );
+        same_layout!(
+            volume,
             "Pass",
             layout::Pass,
             [rows, y_first, y_stride, channel, x_first, x_len, x_stride, again]

@@ -11,6 +11,12 @@ pub(super) const FARTHEST: i32 = 1 << 30;
 /// Parts that the length of a ray over the light map is counted in.
 pub(super) const TICKS: u32 = 1 << 30;
 
+/// Of a cell, that the place where a ray enters a volume is rounded to, in bits; a grid has fewer than 2¹³ cells a side.
+pub(super) const PLACE_BITS: u32 = 19;
+
+/// Lights that a volume is lit by at most: their factors have one word each in a row's track.
+pub(super) const LIGHTS: usize = 4;
+
 /// `VectorParams` of kernels/prelude/vector.wgsl and reduction.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
@@ -74,7 +80,47 @@ pub(super) struct Ray {
     pub(super) pad: [f32; 2],
 }
 
-/// `Pass` of kernels/prelude/light_map.wgsl.
+/// `Track` of kernels/prelude/volume_track.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Track {
+    pub(super) first: [u32; 4],
+    pub(super) step_high: [u32; 4],
+    pub(super) step_low: [u32; 4],
+    pub(super) entry: [u32; 4],
+}
+
+/// `Light` of kernels/prelude/volume_bricks.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Light {
+    pub(super) high: [[f32; 4]; 3],
+    pub(super) low: [[f32; 4]; 3],
+    pub(super) at_high: [f32; 3],
+    pub(super) slots: u32,
+    pub(super) at_low: [f32; 3],
+    pub(super) first: u32,
+    pub(super) size: [u32; 3],
+    pub(super) channels: u32,
+}
+
+/// `Volume` of kernels/prelude/volume_bricks.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Volume {
+    pub(super) metres: [[f32; 4]; 3],
+    pub(super) cells: [u32; 3],
+    pub(super) slots: u32,
+    pub(super) size: [u32; 3],
+    pub(super) elements: u32,
+    pub(super) transmittance_bound: f32,
+    pub(super) channels: u32,
+    pub(super) lights: u32,
+    pub(super) pad: u32,
+    pub(super) light: [Light; LIGHTS],
+}
+
+/// `Pass` of kernels/prelude/light_map.wgsl and volume.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(super) struct Pass {

@@ -4,12 +4,14 @@ use std::cell::RefCell;
 
 use super::Gpu;
 use super::fixed_point::{Accumulation, FixedSums};
-use super::kernel::{Consumer, Kernel, RAYS, Walk};
-use super::layout::{LEVELS, Pass, Ray, Transport};
+use super::kernel::{Kernel, RAYS};
+use super::layout::{LEVELS, Ray, Transport};
 use super::memory::Allocation;
+use super::pass::{Walking, walkings};
 use super::ray::{Depths, ray};
 use super::recorder::Binding;
 use super::vector::{GpuVector, MOST_WORKGROUPS, Slab};
+use super::walk::{Consumer, Walk};
 use crate::march::LightMapTraversal;
 use crate::operator::{LinearOperator, Vector, expect_len};
 use crate::scene::Quadrature;
@@ -108,7 +110,7 @@ impl Walked {
         match &self.fixed {
             None => {
                 x.fill([0.0; 3]);
-                self.each_pass(consumer, &[y, x], x, |slab_of_y, slab_of_x| {
+                self.each_pass(consumer, &[y, x], |slab_of_y, slab_of_x| {
                     vec![y.binding(slab_of_y), x.binding(slab_of_x)]
                 });
             }
@@ -116,7 +118,7 @@ impl Walked {
                 let mut fixed = fixed.borrow_mut();
                 fixed.begin(&self.gpu, y, row_sums);
                 let [low, high] = &fixed.words;
-                self.each_pass(consumer, &[y, x], x, |slab_of_y, slab_of_x| {
+                self.each_pass(consumer, &[y, x], |slab_of_y, slab_of_x| {
                     let words = [low.binding(slab_of_x), high.binding(slab_of_x)];
                     vec![y.binding(slab_of_y), words[0].clone(), words[1].clone(), fixed.scales.whole()]
                 });
@@ -131,42 +133,20 @@ impl Walked {
         &self,
         consumer: Consumer,
         vectors: &[&GpuVector; 2],
-        x: &GpuVector,
         bindings: impl Fn(Slab, Slab) -> Vec<Binding>,
     ) {
-        let y = vectors[0];
+        let count = |rays: &Allocation| rays.buffer.size() as usize / size_of::<Ray>();
+        let slabs: Vec<_> = self.rays.iter().map(|(first, rays)| (*first, count(rays))).collect();
         let shared = [self.depths.whole(), self.ranges.whole(), self.transport.whole()];
         for channels in GpuVector::channels(vectors) {
             let near = consumer != Consumer::Gather && self.gpu.sums_near();
             let kernel = Kernel::LightMap(consumer, Walk { channels: channels[1], near, ..self.walk });
-            for (first, rays) in &self.rays {
-                let count = rays.buffer.size() as usize / size_of::<Ray>();
-                for slab_of_y in y.slabs(channels) {
-                    // Slabs of rays and of y are cut at the same rows, or y is in one piece.
-                    let begin = (*first).max(slab_of_y.first);
-                    let end = (first + count).min(slab_of_y.first + slab_of_y.len);
-                    if begin >= end {
-                        continue;
-                    }
-                    let offset = ((begin - first) * size_of::<Ray>()) as u64;
-                    let walked = rays.part(offset, ((end - begin) * size_of::<Ray>()) as u64);
-                    for (again, slab_of_x) in (0u32..).zip(x.slabs(channels)) {
-                        let pass = Pass {
-                            rows: (end - begin) as u32,
-                            y_first: (begin - slab_of_y.first) as u32,
-                            y_stride: y.stride as u32,
-                            channel: channels[0],
-                            x_first: slab_of_x.first as u32,
-                            x_len: slab_of_x.len as u32,
-                            x_stride: x.stride as u32,
-                            again,
-                        };
-                        let first_group = bindings(slab_of_y, slab_of_x);
-                        let workgroups = [pass.rows.div_ceil(RAYS), 1];
-                        let groups: [&[Binding]; 3] = [&first_group, &shared, std::slice::from_ref(&walked)];
-                        self.gpu.dispatch(kernel, &pass, &groups, workgroups);
-                    }
-                }
+            for Walking { slab, rows, of_y, of_x, pass } in walkings(&slabs, *vectors, channels) {
+                let [offset, size] = [rows.start, rows.len()].map(|rows| (rows * size_of::<Ray>()) as u64);
+                let walked = self.rays[slab].1.part(offset, size);
+                let first_group = bindings(of_y, of_x);
+                let groups: [&[Binding]; 3] = [&first_group, &shared, std::slice::from_ref(&walked)];
+                self.gpu.dispatch(kernel, &pass, &groups, [pass.rows.div_ceil(RAYS), 1]);
             }
         }
     }
@@ -188,7 +168,7 @@ impl LinearOperator for Walked {
         expect_len("x", x, self.elements)?;
         expect_len("y", y, self.rows)?;
         let y = &*y;
-        self.each_pass(Consumer::Gather, &[y, x], x, |slab_of_y, slab_of_x| {
+        self.each_pass(Consumer::Gather, &[y, x], |slab_of_y, slab_of_x| {
             vec![y.binding(slab_of_y), x.binding(slab_of_x)]
         });
         self.gpu.check()

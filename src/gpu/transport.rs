@@ -1,6 +1,7 @@
 use super::light_map::Walked;
 use super::rows::Kept;
 use super::vector::GpuVector;
+use super::volume::WalkedVolume;
 use crate::Result;
 use crate::operator::LinearOperator;
 
@@ -9,8 +10,10 @@ use crate::operator::LinearOperator;
 pub enum Transport {
     /// Rows and columns of non-zeros.
     Kept(Kept),
-    /// Rays.
+    /// Rays over a light map.
     Walked(Box<Walked>),
+    /// Rays through volumes.
+    Volume(Box<WalkedVolume>),
 }
 
 impl Transport {
@@ -21,6 +24,7 @@ impl Transport {
         match self {
             Self::Kept(kept) => kept.squares(y, x),
             Self::Walked(walked) => walked.squares(y, x),
+            Self::Volume(walked) => walked.squares(y, x),
         }
     }
 }
@@ -33,6 +37,7 @@ impl LinearOperator for Transport {
         match self {
             Self::Kept(kept) => kept.domain(),
             Self::Walked(walked) => walked.domain(),
+            Self::Volume(walked) => walked.domain(),
         }
     }
 
@@ -40,6 +45,7 @@ impl LinearOperator for Transport {
         match self {
             Self::Kept(kept) => kept.range(),
             Self::Walked(walked) => walked.range(),
+            Self::Volume(walked) => walked.range(),
         }
     }
 
@@ -47,6 +53,7 @@ impl LinearOperator for Transport {
         match self {
             Self::Kept(kept) => kept.apply(x, y),
             Self::Walked(walked) => walked.apply(x, y),
+            Self::Volume(walked) => walked.apply(x, y),
         }
     }
 
@@ -54,6 +61,7 @@ impl LinearOperator for Transport {
         match self {
             Self::Kept(kept) => kept.apply_adjoint(y, x),
             Self::Walked(walked) => walked.apply_adjoint(y, x),
+            Self::Volume(walked) => walked.apply_adjoint(y, x),
         }
     }
 }

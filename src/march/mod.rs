@@ -11,9 +11,12 @@ mod volume;
 
 pub use exponential::{SERIES_0, SERIES_2};
 pub use light_map::{LightMapTransport, LightMapTraversal, RowExtent, ViewRay};
+#[cfg(feature = "gpu")]
+pub(crate) use volume::{CellRay, Line};
 pub use volume::{
     Density, InScattering, LitVolume, Part, PixelRays, Quantity, Refraction, VolumeTransport, VolumeTraversal,
 };
+pub use volume::{GAUSS_2, GAUSS_4, PANEL};
 
 /// The floating-point types that traversals and operators compute in.
 pub trait Real:

@@ -154,6 +154,7 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
         match &self.transport {
             Transport::Kept(_) => true,
             Transport::Walked(walked) => walked.accumulation() == Accumulation::Fixed,
+            Transport::Volume(walked) => walked.accumulation() == Accumulation::Fixed,
         }
     }
 }

@@ -92,6 +92,12 @@ impl VoxelSet {
         size_of_val(&self.bricks[..]) as u64
     }
 
+    /// Of each brick, x fastest: how many voxels are in the bricks before, how many in its slices before, and its bits, one word a
+    /// slice: x in the lowest three bits of the place, y above.
+    pub fn records(&self) -> impl ExactSizeIterator<Item = (u32, [u16; BRICK], [u64; BRICK])> + '_ {
+        self.bricks.iter().map(|brick| (brick.first, brick.before, brick.slices))
+    }
+
     /// Whether no voxel of a brick is in it.
     #[inline(always)]
     pub fn is_brick_empty(&self, [i, j, k]: [usize; 3]) -> bool {

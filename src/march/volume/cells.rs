@@ -8,24 +8,25 @@ use crate::scene::{BRICK, VoxelGrid, VoxelSet};
 
 /// A straight piece of a view ray in world space: t runs in metres from the origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Line {
-    pub(super) origin: DVec3,
+pub(crate) struct Line {
+    pub(crate) origin: DVec3,
     /// Unit direction.
-    pub(super) direction: DVec3,
+    pub(crate) direction: DVec3,
 }
 
 /// A line in cells: each coordinate is affine in t.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct CellRay {
+pub(crate) struct CellRay {
     origin: [f64; 3],
-    slope: [f64; 3],
+    /// Cells a metre.
+    pub(crate) slope: [f64; 3],
     /// 1 / slope, infinite where the slope is zero.
     inverse: [f64; 3],
 }
 
 impl CellRay {
     /// The line in cells that are shifted by `shift` against the voxels of a grid.
-    pub(super) fn new(line: &Line, grid: &VoxelGrid, shift: f64) -> Self {
+    pub(crate) fn new(line: &Line, grid: &VoxelGrid, shift: f64) -> Self {
         let origin = grid.grid_from_world().transform_point3(line.origin) + shift;
         let slope = grid.grid_from_world().transform_vector3(line.direction);
         Self::of(origin.to_array(), slope.to_array())
@@ -45,12 +46,12 @@ impl CellRay {
 
     /// Position in cells.
     #[inline(always)]
-    pub(super) fn at(&self, t: f64) -> [f64; 3] {
+    pub(crate) fn at(&self, t: f64) -> [f64; 3] {
         std::array::from_fn(|axis| self.origin[axis] + self.slope[axis] * t)
     }
 
     /// The part of [a, b] between `low` and `high` on every axis.
-    pub(super) fn clip(&self, low: f64, high: [f64; 3], a: f64, b: f64) -> Option<[f64; 2]> {
+    pub(crate) fn clip(&self, low: f64, high: [f64; 3], a: f64, b: f64) -> Option<[f64; 2]> {
         let (mut a, mut b) = (a, b);
         for axis in 0..3 {
             if self.slope[axis] == 0.0 {

@@ -15,7 +15,7 @@ pub use path::{PixelRays, Refraction};
 
 use super::{Traversal, Weight, exponential};
 use crate::scene::{Interpolation, Quadrature, VoxelGrid, VoxelSet};
-use cells::{CellRay, Line};
+pub(crate) use cells::{CellRay, Line};
 use density::Depth;
 use window::{Nearest, Trilinear, Window};
 
@@ -58,6 +58,11 @@ impl Part {
     pub fn voxels(&self) -> &VoxelSet {
         &self.voxels
     }
+
+    /// The cells of the basis that any of them reaches into.
+    pub fn cells(&self) -> &VoxelSet {
+        &self.cells
+    }
 }
 
 /// What all rays of a volume problem share.
@@ -90,16 +95,16 @@ pub struct VolumeTraversal {
 }
 
 /// Nodes and weights of Gauss and Legendre on [0, 1] with four points: exact for polynomials of degree 7.
-const GAUSS_4: [[f64; 2]; 4] = [
+pub const GAUSS_4: [[f64; 2]; 4] = [
     [0.069_431_844_202_973_71, 0.173_927_422_568_726_93],
     [0.330_009_478_207_571_87, 0.326_072_577_431_273_07],
     [0.669_990_521_792_428_1, 0.326_072_577_431_273_07],
     [0.930_568_155_797_026_3, 0.173_927_422_568_726_93],
 ];
 /// The same with two points: exact for the cubics that trilinear functions are along a line.
-const GAUSS_2: [[f64; 2]; 2] = [[0.211_324_865_405_187_13, 0.5], [0.788_675_134_594_812_9, 0.5]];
+pub const GAUSS_2: [[f64; 2]; 2] = [[0.211_324_865_405_187_13, 0.5], [0.788_675_134_594_812_9, 0.5]];
 /// Optical depth that four nodes are trusted with.
-const PANEL: f64 = 0.5;
+pub const PANEL: f64 = 0.5;
 
 impl VolumeTraversal {
     /// The rows of `rays` over the elements of `parts`.

@@ -7,6 +7,7 @@ mod surfaces;
 mod transport;
 mod twins;
 mod vectors;
+mod volume;
 
 use unscatter::gpu::{Choice, Gpu};
 use unscatter::operator::{CpuVector, Indexed, LinearOperator, Vector};

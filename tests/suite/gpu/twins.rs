@@ -35,6 +35,9 @@ const TWINS: &[(&str, &str, &str, &str)] = &[
     // Rays find the same triangles by the hierarchy.
     ("surfaces", "surfaces", "scene/geometry", "fn first_hit"),
     ("tiles", "tiles", "cpu/tiles", "fn sweep"),
+    ("volume_gather", "volume/mod", "cpu/transport", "fn gather"),
+    ("volume_scatter", "volume/mod", "cpu/transport", "fn apply_adjoint"),
+    ("volume_squares", "volume/mod", "cpu/transport", "fn squares"),
 ];
 
 fn root() -> &'static Path {
@@ -57,7 +60,7 @@ fn no_kernel_is_without_its_host_side_and_its_twin() {
     let read = |file: String| fs::read_to_string(root().join("src").join(file)).unwrap();
     for (name, host, twin, function) in TWINS {
         let words: String = name.split('_').map(|word| word[..1].to_uppercase() + &word[1..]).collect();
-        let variant = match name.strip_prefix("light_map_") {
+        let variant = match name.strip_prefix("light_map_").or_else(|| name.strip_prefix("volume_")) {
             Some(consumer) => format!("Consumer::{}{}", consumer[..1].to_uppercase(), &consumer[1..]),
             None if *name == "surfaces" => "kernels/surfaces.wgsl".to_owned(),
             None => format!("Kernel::{words}"),

@@ -1,0 +1,34 @@
+// Depositing along a ray, each voxel for itself: unlike the texels around an eye no voxel is met by all rays of a view, unless the
+// eye is in it.
+
+var<private> carrying: vec3<f32>;
+
+// Nothing is summed up inside a workgroup.
+fn group_scale() -> f32 {
+    return 1.0;
+}
+
+fn visit(voxel: vec3<i32>, weight: Weight) {
+    let e = local_element(voxel);
+    if e >= parameters.x_len {
+        return;
+    }
+    let value = carried(weights_of(weight), carrying);
+    deposit(e, value.x, 0u);
+    if CHANNELS == 3u {
+        deposit(parameters.x_stride + e, value.y, 1u);
+        deposit(2u * parameters.x_stride + e, value.z, 2u);
+    }
+}
+
+@compute @workgroup_size(RAYS)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= parameters.rows {
+        return;
+    }
+    carrying = vec3(0.0);
+    for (var c = 0u; c < CHANNELS; c++) {
+        carrying[c] = y[c * parameters.y_stride + parameters.y_first + id.x];
+    }
+    walk(id.x);
+}
