@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use super::transport::{brought, fetched};
 use super::{HostOperator, LightMapProblem, TransportOperator, VolumeProblem};
 use crate::cpu::{self, Storage, TileMetric, Tiling, WalkPlan};
-use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, RowTable, Transport, Walked};
+use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, RowTable, Transport, Walked, WalkedVolume};
 use crate::march::{LightMapTraversal, Traversal, VolumeTraversal, Weight};
 use crate::operator::{CpuVector, LinearOperator, Metric};
 use crate::scene::Strategy;
@@ -66,7 +66,6 @@ impl GpuOperator<VolumeTraversal> {
         budget: u64,
         deterministic: bool,
     ) -> Result<Self> {
-        let _walks_alone_are_not = deterministic;
         let size = Rows {
             count: problem.targets.len(),
             elements: problem.start.len(),
@@ -79,11 +78,8 @@ impl GpuOperator<VolumeTraversal> {
             (strategy, budget),
             &|strategy, budget| problem.operator(strategy, budget),
             || {
-                Err(Error::Adapter {
-                    adapter: gpu.record().name.clone(),
-                    problem: "cannot walk this volume".to_owned(),
-                    remedy: "choose the strategy `assembled`, or use --backend cpu",
-                })
+                let walked = WalkedVolume::new(gpu, &problem.traversal, !problem.is_grey(), deterministic)?;
+                Ok(Transport::Volume(Box::new(walked)))
             },
         )
     }

@@ -186,13 +186,18 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         if let Some((element, pull)) = problem.steering {
             pulls[self.unknowns_before(element)..].fill(pull);
         }
-        let roots: Vec<Rgb> = pulls.iter().map(|pull: &f64| [pull.sqrt() as f32; 3]).collect();
-        let roots = brought(self.operator.domain(), &roots)?;
         let asked = settings.regularization;
         // Who lies beside whom takes much memory, and often nobody asks.
         let among_neighbours = [asked.gradient, asked.laplacian] != [Weight::Relative(0.0); 2];
         Ok(Regularizers {
-            tikhonov: Weighted::new(Identity::scaled(&self.start, [1.0; 3]), roots)?,
+            tikhonov: match problem.steering {
+                Some(_) => {
+                    let roots: Vec<Rgb> = pulls.iter().map(|pull: &f64| [pull.sqrt() as f32; 3]).collect();
+                    let roots = brought(self.operator.domain(), &roots)?;
+                    Box::new(Weighted::new(Identity::scaled(&self.start, [1.0; 3]), roots)?)
+                }
+                None => Box::new(Identity::scaled(&self.start, [1.0; 3])),
+            },
             pulls,
             among_neighbours: if among_neighbours {
                 let places: Vec<u32> =
@@ -228,7 +233,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         }
         if let Some(rule) = rule {
             type Operators<'o, V> = Vec<&'o dyn LinearOperator<Domain = V, Range = V>>;
-            let mut operators: Operators<V> = vec![&regularizers.tikhonov];
+            let mut operators: Operators<V> = vec![&*regularizers.tikhonov];
             if let Some(AmongNeighbours { gradient, laplacian, .. }) = &regularizers.among_neighbours {
                 operators.push(gradient);
                 operators.push(laplacian);
@@ -319,7 +324,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
 
 /// The regularizers of one lattice of unknowns, without their weights.
 struct Regularizers<V: Indexed> {
-    tikhonov: Weighted<Identity<V>>,
+    tikhonov: Box<dyn LinearOperator<Domain = V, Range = V>>,
     /// λ of each unknown's pull towards its start, relative to [`Weights::tikhonov`].
     pulls: Vec<f64>,
     /// None where nothing asks for them.

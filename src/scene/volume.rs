@@ -146,6 +146,14 @@ impl Samples {
         self.len() == 0
     }
 
+    /// Bytes that they take.
+    pub fn bytes(&self) -> usize {
+        match self {
+            Self::F32(values) => size_of_val(&values[..]),
+            Self::F16(values) => size_of_val(&values[..]),
+        }
+    }
+
     /// One of them; panics outside, like a slice.
     #[inline(always)]
     pub fn get(&self, index: usize) -> f32 {

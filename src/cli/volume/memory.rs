@@ -4,7 +4,7 @@ use super::super::job::{allowed, check_memory, mebibytes};
 use crate::Result;
 use crate::cpu::Tiling;
 use crate::problem::VolumeProblem;
-use crate::scene::{MetricName, SolveSettings, VolumeScene};
+use crate::scene::{MetricName, SolveSettings, VolumeScene, Weight};
 
 const COLOR: usize = size_of::<[f32; 3]>();
 
@@ -12,7 +12,7 @@ const COLOR: usize = size_of::<[f32; 3]>();
 fn scene_bytes(scene: &VolumeScene) -> u64 {
     let medium = &scene.medium;
     let volumes = [&medium.extinction, &medium.albedo, &medium.emission];
-    let voxels: usize = volumes.iter().map(|volume| volume.samples().len() * size_of::<f32>()).sum();
+    let voxels: usize = volumes.iter().map(|volume| volume.samples().bytes()).sum();
     let pixels: usize =
         scene.views.iter().map(|view| view.view.camera.size().iter().product::<usize>()).sum();
     // What is wanted of each pixel, and its picture before, after and while it is drawn.
@@ -69,8 +69,16 @@ pub(in crate::cli) fn stage_bytes(
 ) -> u64 {
     let (rows, unknowns) = (problem.targets.len(), problem.start.len());
     let kept = crate::problem::vectors(settings.solver);
-    // Beside those of the method: start, scaling, coverage, right-hand side, weights, and what operators keep.
-    let vectors = (kept.domain + 6) * COLOR * unknowns + (kept.range + 5) * COLOR * (rows + unknowns);
+    let asked = settings.regularization;
+    let used = |weight: Weight| usize::from(weight != Weight::Relative(0.0));
+    let among_neighbours = used(asked.gradient) + used(asked.laplacian);
+    // Of each regularizer what the method keeps, its right-hand side and a prototype; steering takes factors and room.
+    let steered = if problem.formulation().steering.is_some() { 2 } else { 0 };
+    let lower = used(asked.tikhonov) * (kept.range + 2 + steered)
+        // A voxel has three neighbours before it, and each is looked up in both directions.
+        + among_neighbours * (3 * (kept.range + 3) + 4);
+    // Beside those of the method: start, scaling and its inverse, coverage, x₀ and x.
+    let vectors = (kept.domain + 6 + lower) * COLOR * unknowns + (kept.range + 6) * COLOR * rows;
     let rays = rows * size_of::<[u32; 2]>();
     // The padded vector of the operator, and the colours of all voxels while what was found is put among them.
     let padded = unknowns * size_of::<[f32; 4]>();

@@ -299,6 +299,13 @@ struct Searched {
 
 impl Searched {
     fn new(scene: &VolumeScene, medium: &VolumeMedium, optics: &Optics, find: Find) -> Result<Self> {
+        if find != Find::Extinction && optics.density.cells().is_empty() {
+            return Err(Error::Empty {
+                reason: "the volume has no extinction anywhere, so nothing in it emits or scatters"
+                    .to_owned(),
+                remedy: "give it some, and check that volume.to_world puts the box where the shapes are",
+            });
+        }
         let settings = &scene.bounds;
         let bounds = |of: [[f64; 3]; 2]| -> Result<Bounds> {
             if scene.solve.solver.keeps_bounds() { Bounds::new(of[0], of[1]) } else { Ok(Bounds::NONE) }
@@ -322,12 +329,12 @@ impl Searched {
             Find::Emission => {
                 searched.add(scene, optics, Quantity::Emission, &medium.emission)?;
                 searched.bounds = bounds(settings.emission)?;
-                searched.pull = Some((0, scene.pull[0]));
+                searched.pull = steering(0, scene.pull[0]);
             }
             Find::Albedo => {
                 searched.add(scene, optics, Quantity::Albedo(light()?), &medium.albedo)?;
                 searched.bounds = bounds(settings.albedo)?;
-                searched.pull = Some((0, scene.pull[1]));
+                searched.pull = steering(0, scene.pull[1]);
             }
             Find::Joint => {
                 if medium.emission.grid().size() != medium.albedo.grid().size() {
@@ -342,7 +349,7 @@ impl Searched {
                 searched.add(scene, optics, Quantity::Albedo(light()?), &medium.albedo)?;
                 searched.bounds = bounds(settings.emission)?.then(first, bounds(settings.albedo)?);
                 // The setting is that of emission; albedo is pulled relative to it.
-                searched.pull = Some((first, scene.pull[1] / scene.pull[0]));
+                searched.pull = steering(first, scene.pull[1] / scene.pull[0]);
             }
             Find::Extinction => {
                 searched.add(scene, optics, Quantity::Extinction, &medium.extinction)?;
@@ -384,6 +391,11 @@ impl Searched {
         self.parts.push(Part::new(quantity, grid, Arc::new(voxels), optics.density.interpolation()));
         Ok(())
     }
+}
+
+/// What elements from some on are pulled with; none where it is what all are.
+fn steering(first: usize, pull: f64) -> Option<(usize, f64)> {
+    (pull != 1.0).then_some((first, pull))
 }
 
 /// The voxels of a grid that a medium reaches into; exactly those with extinction where the grids are one.

