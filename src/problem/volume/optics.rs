@@ -8,8 +8,9 @@ use crate::march::{Density, InScattering, LitVolume, PixelRays, Refraction, Volu
 use crate::scene::{Ray, Rgb, VolumeMedium, VolumeScene, VoxelGrid, henyey_greenstein};
 use crate::{Error, Result};
 
-/// Voxels of the cached light along an axis where the scene does not say how many.
-const LIGHT_SIDE: usize = 64;
+/// Voxels of the cached light along an axis where the scene does not say how many: half of the medium's, for light is
+/// smooth, but no fewer (where the medium has as many) and no more than these.
+const LIGHT_SIDES: [usize; 2] = [16, 64];
 
 /// A medium as rays meet it: its extinction, the light that it scatters, and what bends the rays.
 #[derive(Debug, Clone)]
@@ -127,7 +128,7 @@ fn light(scene: &VolumeScene, medium: &VolumeMedium, density: &Density) -> Resul
     if density.cells().is_empty() || (!sky && suns.is_empty()) {
         return Ok(None);
     }
-    let size = scene.light_size.unwrap_or(density.grid().size().map(|side| side.min(LIGHT_SIDE)));
+    let size = scene.light_size.unwrap_or(density.grid().size().map(light_side));
     let grid = VoxelGrid::over_cube(size, density.grid().world_from_cube())?;
     let mut fields = Vec::new();
     // What does not depend on the view is one volume.
@@ -163,6 +164,12 @@ fn light(scene: &VolumeScene, medium: &VolumeMedium, density: &Density) -> Resul
         fields.push(LitVolume { along: None, radiance: Arc::new(radiance) });
     }
     Ok(Some(Arc::new(InScattering::new(fields))))
+}
+
+/// Voxels of the cached light beside so many of the medium.
+fn light_side(side: usize) -> usize {
+    let [fewest, most] = LIGHT_SIDES;
+    (side / 2).clamp(fewest.min(side), most)
 }
 
 /// Length of the shortest side of a voxel, in metres.

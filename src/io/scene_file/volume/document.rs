@@ -42,7 +42,8 @@ pub struct VolumeDocument {
     /// Light from everywhere; none when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub environment: Option<Environment>,
-    /// Voxels of the cached light along each axis: N, or [x, y, z]; those of the extinction, but at most 64, when not given.
+    /// Voxels of the cached light along each axis: N, or [x, y, z]; half of those of the extinction, from
+    /// 16 to 64, when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_size: Option<GridSize>,
     /// Radiance behind the volume; the environment when not given.
