@@ -228,7 +228,8 @@ impl VolumeTraversal {
         window.finish(visit);
     }
 
-    /// Adds the exact weights of emission or albedo along a line.
+    /// Adds the weights of emission or albedo along a line: exact for emission; for albedo where light is linear along each piece
+    /// in a cell, or cubic in trilinear cells.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)]
     fn attenuated<const C: usize, W: Window<C>>(
@@ -250,7 +251,10 @@ impl VolumeTraversal {
         let cells = CellRay::new(line, &part.grid, W::SHIFT);
         let size = part.grid.size();
         let (high, last) = (size.map(|side| side as f64 + W::SHIFT), size.map(|side| side + W::EXTRA - 1));
-        let shared = part.grid == *density.grid();
+        // Cells of the medium are those of the basis, and its density is constant in cells where the basis is.
+        let alike = density.interpolation().cells() == (W::SHIFT, W::EXTRA);
+        let shared = alike && part.grid == *density.grid();
+        let is_constant = W::CONSTANT && alike;
         density.each_piece::<C>(line, a, b, |cell, a, b, depth| {
             let entering = *strength;
             let mut piece = |cell: [usize; 3], start: f64, end: f64| {
@@ -260,10 +264,11 @@ impl VolumeTraversal {
                     0.0 => entering,
                     _ => std::array::from_fn(|c| entering[c] * (-before[c]).exp()),
                 };
-                if W::CONSTANT {
-                    let gone = depth.slope(0.0).map(|s| exponential::extinguished(s * (to - from)));
-                    let weight = super::basis::times(strength, gone);
-                    window.sample(cell, [0.0; 3], lit(0.5 * (start + end), weight), visit);
+                if is_constant {
+                    let tau = depth.slope(0.0).map(|slope| slope * (to - from));
+                    let weight = super::basis::times(strength, tau.map(exponential::extinguished));
+                    let place = |c: usize| start + (end - start) * mean_place(tau[c]);
+                    window.sample(cell, [0.0; 3], lit_at(light.as_deref(), place, weight), visit);
                 } else {
                     nodes(depth, from, to, |u, weight| {
                         let t = a + u * (b - a);
@@ -425,6 +430,25 @@ fn nodes<const C: usize>(depth: &Depth<C>, from: f64, to: f64, mut visit: impl F
             visit(u, std::array::from_fn(|c| weight * width * slope[c].max(0.0) * (start[c] - tau[c]).exp()));
         }
     }
+}
+
+/// Where in [0, 1] of a piece with optical depth `tau` what it weighs lies on average: light that is linear along the piece counts
+/// as it is there. A half where it is thin, near the eye where it is thick.
+#[inline(always)]
+fn mean_place(tau: f64) -> f64 {
+    let [whole, first, _] = exponential::moments(tau);
+    if whole > 0.0 { first / whole } else { 0.5 }
+}
+
+/// A weight times the light that is scattered towards the eye from a place of each channel's own.
+#[inline(always)]
+fn lit_at<const C: usize>(
+    light: Option<&[light::Towards]>,
+    at: impl Fn(usize) -> f64,
+    weight: Weight<f64, C>,
+) -> Weight<f64, C> {
+    let Some(light) = light else { return weight };
+    std::array::from_fn(|c| weight[c] * light.iter().map(|source| source.at(at(c))[c]).sum::<f64>())
 }
 
 /// A weight times the light that is scattered towards the eye.
