@@ -18,3 +18,4 @@ mod scenes;
 mod solve;
 mod tolerances;
 mod traversal;
+mod volume;
