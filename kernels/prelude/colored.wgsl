@@ -7,6 +7,10 @@ struct Moments {
     m2: Weight,
 }
 
+fn channels_of(weight: Weight) -> vec3<f32> {
+    return weight;
+}
+
 fn weight_of(v: vec3<f32>) -> Weight {
     return v;
 }

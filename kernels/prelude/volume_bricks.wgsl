@@ -125,10 +125,24 @@ fn radiance(k: u32, cell: vec3<f32>, fraction: vec3<f32>) -> vec3<f32> {
 
 // What is scattered towards the eye at u of the piece.
 fn light_at(u: f32) -> Weight {
+    return weight_of(scattered_at(u));
+}
+
+// The same at a place of each channel's own.
+fn light_at_each(u: Weight) -> Weight {
+    let places = channels_of(u);
+    let first = scattered_at(places.x);
+    if places.y == places.x && places.z == places.x {
+        return weight_of(first);
+    }
+    return weight_of(vec3(first.x, scattered_at(places.y).y, scattered_at(places.z).z));
+}
+
+fn scattered_at(u: f32) -> vec3<f32> {
     let fraction = lit_start + lit_change * u;
     var sum = vec3(0.0);
     for (var k = 0u; k < volume.lights; k++) {
         sum += factors[k] * radiance(k, lit_cell, fraction);
     }
-    return weight_of(sum);
+    return sum;
 }

@@ -52,9 +52,12 @@ fn integrate(
     start: vec3<f32>,
     change: vec3<f32>,
 ) {
-    var weight = strength * all_extinguished(depth.whole * (part.y - part.x));
+    let moments = all_moments(depth.whole * (part.y - part.x));
+    var weight = strength * moments.m0;
     if LIT {
-        weight *= light_at(0.5 * (part.x + part.y));
+        // Where what the piece weighs lies on average: light that is linear along it counts as it is there.
+        let place = select(moments.m1 / moments.m0, Weight(0.5), moments.m0 <= Weight(0.0));
+        weight *= light_at_each(Weight(part.x) + Weight(part.y - part.x) * place);
     }
     window_add(cell, weight);
 }

@@ -19,3 +19,4 @@ mod solve;
 mod tolerances;
 mod traversal;
 mod vdb_peer;
+mod volume;

@@ -20,6 +20,41 @@ pub const SCIPY_OBJECTIVE: f64 = 1e-5;
 /// x against SciPy's where the data determine it, relative to its largest element.
 pub const SCIPY_X: f64 = 1e-4;
 
+/// Weights of volumes where the medium is constant in each cell, and lengths, as a part of a row's sum: some dozens of pieces
+/// whose ends are rounded in f64.
+pub const VOLUME_CONSTANT: f64 = 1e-11;
+
+/// The same where density and basis are cubic along a ray: four nodes for half an optical depth, whose error is below 5e-6
+/// for densities that jump from voxel to voxel.
+pub const VOLUME_CUBIC: f64 = 1e-5;
+
+/// What arrives at voxels is kept in f32, and its interpolation is computed in f32.
+pub const VOLUME_LIGHT: f64 = 1e-6;
+
+/// Pictures of a medium that was found in pictures of another, which are rounded to f32.
+pub const VOLUME_PICTURES: f64 = 1e-3;
+
+/// How much farther a volume may be from the truth than what the pseudo-inverse finds: iterations end at a part of 1e-6 of
+/// the normal residual, and the directions that pictures hardly tell come last.
+pub const VOLUME_FOUND: f64 = 2e-2;
+
+/// Our own error in pictures of single scattering, as a part of each pixel: 64 directions for a sky, light that is trilinear
+/// between the centres of 48³ voxels. It is added to the standard error of the reference.
+pub const MITSUBA_BIAS: f64 = 1e-3;
+
+/// The same where a voxel is an optical depth of 1.5 thick, in which light is less like a trilinear function.
+pub const MITSUBA_BIAS_THICK: f64 = 3e-3;
+
+/// Root mean square deviation of the pixels in those errors: 1 were they independent and of just this size. The sun's is the
+/// largest, 1.15, for its shadows have edges inside voxels.
+pub const MITSUBA_RMS: f64 = 1.25;
+
+/// The largest deviation of 7000 pixels in those errors: normal deviates pass 4.5 once in 20 pictures.
+pub const MITSUBA_LARGEST: f64 = 4.5;
+
+/// Pixels in which every sample of the reference was the same: they see hardly any matter.
+pub const MITSUBA_EMPTY: f64 = 2e-5;
+
 #[cfg(feature = "gpu")]
 pub use device::*;
 

@@ -105,6 +105,10 @@ pub const GAUSS_4: [[f64; 2]; 4] = [
 pub const GAUSS_2: [[f64; 2]; 2] = [[0.211_324_865_405_187_13, 0.5], [0.788_675_134_594_812_9, 0.5]];
 /// Optical depth that four nodes are trusted with.
 pub const PANEL: f64 = 0.5;
+/// Panels of a cell at most: 5e5 of optical depth are resolved.
+const MOST_PANELS: f64 = 1_048_576.0;
+/// Optical depth behind which nothing adds to what is before it in f64.
+const OPAQUE: f64 = 40.0;
 
 impl VolumeTraversal {
     /// The rows of `rays` over the elements of `parts`.
@@ -233,7 +237,8 @@ impl VolumeTraversal {
         window.finish(visit);
     }
 
-    /// Adds the exact weights of emission or albedo along a line.
+    /// Adds the weights of emission or albedo along a line: exact for emission; for albedo where light is linear along each piece
+    /// in a cell, or cubic in trilinear cells.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)]
     fn attenuated<const C: usize, W: Window<C>>(
@@ -255,7 +260,10 @@ impl VolumeTraversal {
         let cells = CellRay::new(line, &part.grid, W::SHIFT);
         let size = part.grid.size();
         let (high, last) = (size.map(|side| side as f64 + W::SHIFT), size.map(|side| side + W::EXTRA - 1));
-        let shared = part.grid == *density.grid();
+        // Cells of the medium are those of the basis, and its density is constant in cells where the basis is.
+        let alike = density.interpolation().cells() == (W::SHIFT, W::EXTRA);
+        let shared = alike && part.grid == *density.grid();
+        let is_constant = W::CONSTANT && alike;
         density.each_piece::<C>(line, a, b, |cell, a, b, depth| {
             let entering = *strength;
             let mut piece = |cell: [usize; 3], start: f64, end: f64| {
@@ -265,10 +273,11 @@ impl VolumeTraversal {
                     0.0 => entering,
                     _ => std::array::from_fn(|c| entering[c] * (-before[c]).exp()),
                 };
-                if W::CONSTANT {
-                    let gone = depth.slope(0.0).map(|s| exponential::extinguished(s * (to - from)));
-                    let weight = super::basis::times(strength, gone);
-                    window.sample(cell, [0.0; 3], lit(0.5 * (start + end), weight), visit);
+                if is_constant {
+                    let tau = depth.slope(0.0).map(|slope| slope * (to - from));
+                    let weight = super::basis::times(strength, tau.map(exponential::extinguished));
+                    let place = |c: usize| start + (end - start) * mean_place(tau[c]);
+                    window.sample(cell, [0.0; 3], lit_at(light.as_deref(), place, weight), visit);
                 } else {
                     nodes(depth, from, to, |u, weight| {
                         let t = a + u * (b - a);
@@ -414,15 +423,22 @@ fn lengths<const C: usize, W: Window<C>>(
     });
 }
 
-/// Visits nodes u of [from, to] with weights w so that Σ w f(u) = ∫ τ'(u) e^{τ(from) − τ(u)} f(u) du, to 1e-11 of the whole for a
-/// cubic f: four nodes for every half of optical depth.
+/// Visits nodes u of [from, to] with weights w so that Σ w f(u) = ∫ τ'(u) e^{τ(from) − τ(u)} f(u) du for a cubic f: four nodes for
+/// every half of optical depth, 1e-8 of the whole where the density is constant, 1e-5 where it is cubic itself.
 #[inline(always)]
 fn nodes<const C: usize>(depth: &Depth<C>, from: f64, to: f64, mut visit: impl FnMut(f64, Weight<f64, C>)) {
     let (start, end) = (depth.at(from), depth.at(to));
-    let most = (0..C).fold(0.0, |most: f64, c| most.max(end[c] - start[c]));
-    let panels = (most / PANEL).ceil().clamp(1.0, 4096.0);
+    // By the steepest part, for panels are equal in length.
+    let slopes = [from, 0.5 * (from + to), to].map(|u| depth.slope(u));
+    let steepest = slopes.as_flattened().iter().copied().fold(0.0, f64::max) * (to - from);
+    let most = (0..C).fold(steepest, |most: f64, c| most.max(end[c] - start[c]));
+    let panels = (most / PANEL).ceil().clamp(1.0, MOST_PANELS);
     let width = (to - from) / panels;
     for panel in 0..panels as u32 {
+        let before = depth.at(from + f64::from(panel) * width);
+        if (0..C).all(|c| before[c] - start[c] > OPAQUE) {
+            return;
+        }
         for [node, weight] in GAUSS_4 {
             let u = from + (f64::from(panel) + node) * width;
             let (tau, slope) = (depth.at(u), depth.slope(u));
@@ -430,6 +446,25 @@ fn nodes<const C: usize>(depth: &Depth<C>, from: f64, to: f64, mut visit: impl F
             visit(u, std::array::from_fn(|c| weight * width * slope[c].max(0.0) * (start[c] - tau[c]).exp()));
         }
     }
+}
+
+/// Where in [0, 1] of a piece with optical depth `tau` what it weighs lies on average: light that is linear along the piece counts
+/// as it is there. A half where it is thin, near the eye where it is thick.
+#[inline(always)]
+fn mean_place(tau: f64) -> f64 {
+    let [whole, first, _] = exponential::moments(tau);
+    if whole > 0.0 { first / whole } else { 0.5 }
+}
+
+/// A weight times the light that is scattered towards the eye from a place of each channel's own.
+#[inline(always)]
+fn lit_at<const C: usize>(
+    light: Option<&[light::Towards]>,
+    at: impl Fn(usize) -> f64,
+    weight: Weight<f64, C>,
+) -> Weight<f64, C> {
+    let Some(light) = light else { return weight };
+    std::array::from_fn(|c| weight[c] * light.iter().map(|source| source.at(at(c))[c]).sum::<f64>())
 }
 
 /// A weight times the light that is scattered towards the eye.

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::cells::{CellRay, Line};
 use crate::scene::{Camera, Ray, Volume};
+use crate::{Error, Result};
 
 /// View rays through pixels, one a row, each up to the first surface. They are made anew from their cameras whenever they are
 /// walked: rows by the million cost 8 bytes each.
@@ -126,7 +127,19 @@ pub struct Refraction {
 
 impl Refraction {
     /// Rays bent by an index of refraction, in steps of `step` metres.
-    pub fn new(index: Arc<Volume>, step: f64) -> crate::Result<Self> {
+    ///
+    /// Errors: [`Error::Value`] for a step or an index that is not above 0, [`Error::NonFinite`] for a gradient beyond f32.
+    pub fn new(index: Arc<Volume>, step: f64) -> Result<Self> {
+        if !(step > 0.0 && step.is_finite()) {
+            return Err(Error::value("step", step, "finite and above 0 (metres)"));
+        }
+        if index.range()[0] <= 0.0 {
+            return Err(Error::value(
+                "refraction",
+                index.range()[0],
+                "an index of refraction above 0 everywhere",
+            ));
+        }
         let gradient = Arc::new(gradient(&index)?);
         Ok(Self { index, gradient, step })
     }
@@ -193,7 +206,7 @@ impl Refraction {
 }
 
 /// The gradient of a volume in world space by central differences, one-sided at its rim.
-fn gradient(volume: &Volume) -> crate::Result<Volume> {
+fn gradient(volume: &Volume) -> Result<Volume> {
     let grid = *volume.grid();
     let size = grid.size();
     let to_world = grid.grid_from_world().matrix3.transpose();

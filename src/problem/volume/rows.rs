@@ -452,7 +452,9 @@ impl<'a> Fixed<'a> {
             let part = Part::new(quantity, *volume.grid(), Arc::new(all), optics.density.interpolation());
             known.push((part, volume.clone(), elements));
         };
-        if find != Find::Extinction {
+        if find == Find::Extinction {
+            add(Quantity::Extinction, &medium.extinction);
+        } else {
             add(Quantity::Emission, &medium.emission);
             if let Some(light) = &optics.light {
                 add(Quantity::Albedo(light.clone()), &medium.albedo);
@@ -471,6 +473,19 @@ impl<'a> Fixed<'a> {
         Self { scene, optics, find, known, scale: if scale > 0.0 { scale } else { 1.0 } }
     }
 
+    /// What a row gets from what is known.
+    fn known(&self, traversal: &VolumeTraversal, row: usize) -> [f64; 3] {
+        let mut fixed = [0.0; 3];
+        for (part, volume, elements) in &self.known {
+            let carried = carried(traversal, row, part, &|voxel| match elements {
+                Some(elements) if elements.contains(voxel) => [0.0; 3],
+                _ => volume.color(part.grid.index(voxel)),
+            });
+            (0..3).for_each(|c| fixed[c] += carried[c]);
+        }
+        fixed
+    }
+
     fn row(&self, traversal: &VolumeTraversal, row: usize, wanted: Rgb, weight: f32) -> Row {
         if !traversal.meets_elements(row) {
             return Row::Beside;
@@ -479,22 +494,17 @@ impl<'a> Fixed<'a> {
         if self.find == Find::Extinction {
             let settings = &self.scene.extinction;
             let medium = settings.medium_radiance;
-            return match log_row(wanted, behind, medium, weight, self.scale, settings.is_grey) {
-                Some(log) => Row::Kept { target: log.depth, weight: log.weight, shown: log.depth },
-                None => Row::NoLogarithm,
+            let Some(log) = log_row(wanted, behind, medium, weight, self.scale, settings.is_grey) else {
+                return Row::NoLogarithm;
             };
+            let fixed = self.known(traversal, row);
+            let target = std::array::from_fn(|c| (f64::from(log.depth[c]) - fixed[c]) as f32);
+            return Row::Kept { target, weight: log.weight, shown: log.depth };
         }
-        let mut fixed = [0.0; 3];
+        let mut fixed = self.known(traversal, row);
         if luminance(behind) > 0.0 {
             let transmittance = traversal.transmittance(row);
             (0..3).for_each(|c| fixed[c] += transmittance[c] * f64::from(behind[c]));
-        }
-        for (part, volume, elements) in &self.known {
-            let carried = carried(traversal, row, part, &|voxel| match elements {
-                Some(elements) if elements.contains(voxel) => [0.0; 3],
-                _ => volume.color(part.grid.index(voxel)),
-            });
-            (0..3).for_each(|c| fixed[c] += carried[c]);
         }
         let target = std::array::from_fn(|c| (f64::from(wanted[c]) - fixed[c]) as f32);
         Row::Kept { target, weight: [weight; 3], shown: wanted }
