@@ -9,12 +9,17 @@ use std::error::Error;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use unscatter::io::scene_file::{self, Document};
+use unscatter::io::scene_file::{self, Document, VolumeDocument};
 use unscatter::problem;
+use unscatter::scene::VolumeScene;
 
+mod canvas;
 mod citadel;
+mod cloud;
 mod forest;
+mod glass;
 mod glb;
+mod hand;
 mod nave;
 mod numbers;
 mod painter;
@@ -51,7 +56,24 @@ fn main() -> Result<(), Box<dyn Error>> {
     demos.into_iter().zip(["citadel", "forest", "nave"]).try_for_each(|(demo, name)| {
         let path = folder.join(name).with_extension("json");
         demo.write(&path)
-    })
+    })?;
+    write_volume(&folder.join("hand.json"), &hand::write(&folder)?)?;
+    write_volume(&folder.join("glass.json"), &glass::write(&folder)?)?;
+    let mut cloud = cloud::write(&folder)?;
+    let path = folder.join("cloud.json");
+    let scene = write_volume(&path, &cloud)?;
+    cloud.views.iter_mut().enumerate().for_each(|(index, view)| view.strokes = cloud::strokes(&scene, index));
+    write_volume(&path, &cloud)?;
+    Ok(())
+}
+
+/// Writes the scene of a volume, and reads it again.
+fn write_volume(path: &Path, document: &VolumeDocument) -> Result<VolumeScene, Box<dyn Error>> {
+    std::fs::write(path, scene_file::write_volume(document)?)?;
+    let scene = scene_file::load_volume(path, &[])?;
+    let strokes: usize = scene.views.iter().map(|view| view.view.strokes.len()).sum();
+    println!("{}: {} views, {strokes} strokes", path.display(), scene.views.len());
+    Ok(scene)
 }
 
 /// A scene, and what is to be painted on it.

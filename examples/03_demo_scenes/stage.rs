@@ -1,8 +1,11 @@
-//! Building blocks of the scenes: walls with openings, crenellations, and the numbers they are made with.
+//! Building blocks of the scenes: walls with openings, crenellations, boxes of voxels, and the numbers they are made with.
 
-use unscatter::io::scene_file::{BoxShape, Channels, CylinderShape, Extent, Occluder, ShadowMap};
-use unscatter::io::scene_file::{Camera, FovAxis, MapSize, PlaneShape, Transform, View};
-use unscatter::scene::LightFrame;
+use unscatter::io::scene_file::{
+    BoxShape, Channels, CylinderShape, Extent, Field, GridSize, Light, Occluder,
+};
+use unscatter::io::scene_file::{Camera, FovAxis, MapSize, PlaneShape, ShadowMap, Transform, View};
+use unscatter::io::scene_file::{Interpolation, Scale, Volume, Weight};
+use unscatter::scene::{LightFrame, Weight as ChosenWeight};
 
 use glam::DVec3;
 
@@ -164,14 +167,53 @@ impl Stage {
 
 /// A view of the pictures' common size, without strokes.
 pub(crate) fn view(name: &str, origin: [f64; 3], target: [f64; 3], fov: f64) -> View {
-    let camera = Camera {
+    let camera = camera(origin, target, (fov, FovAxis::X), [640, 360]);
+    View { name: name.to_owned(), camera, strokes: Vec::new(), layers: Vec::new() }
+}
+
+/// A camera that stands at `origin` and looks at `target`.
+pub(crate) fn camera(
+    origin: [f64; 3],
+    target: [f64; 3],
+    (fov, axis): (f64, FovAxis),
+    size: [u32; 2],
+) -> Camera {
+    Camera {
         to_world: Some(Transform::looking(origin, target)),
         fov: Some(fov),
-        fov_axis: Some(FovAxis::X),
+        fov_axis: Some(axis),
         gltf: None,
-        size: [640, 360],
+        size: size.map(|side| side as usize),
+    }
+}
+
+/// A sun.
+pub(crate) fn sun(direction: [f64; 3], radiance: [f64; 3]) -> Light {
+    Light { direction: Some(direction), gltf: None, radiance: Some(Channels::Rgb(radiance)) }
+}
+
+/// A box of voxels between two corners, of a medium that neither scatters nor emits.
+pub(crate) fn volume(size: GridSize, extinction: Field, [low, high]: [[f64; 3]; 2]) -> Volume {
+    let place = Transform {
+        translate: Some(low),
+        scale: Some(Scale::Axes(std::array::from_fn(|axis| millimetres(high[axis] - low[axis])))),
+        ..Transform::default()
     };
-    View { name: name.to_owned(), camera, strokes: Vec::new(), layers: Vec::new() }
+    Volume {
+        extinction,
+        albedo: Field::Constant(Channels::Grey(0.0)),
+        emission: Field::Constant(Channels::Grey(0.0)),
+        to_world: Some(place),
+        size: Some(size),
+        interpolation: Interpolation::Nearest,
+        g: 0.0,
+        refraction: None,
+    }
+}
+
+/// The weight of a regularizer, relative to the columns.
+pub(crate) fn weight(relative: f64) -> Weight {
+    ChosenWeight::Relative(relative).into()
 }
 
 /// A shadow map of `size`² texels that covers the box between two corners.

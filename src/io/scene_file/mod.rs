@@ -51,7 +51,7 @@ pub use volume::{
     VolumeView,
 };
 pub use weight::Weight;
-pub use write::write;
+pub use write::{write, write_volume};
 
 use flaw::{Built, Flaw};
 use locate::Aim;

@@ -1,10 +1,12 @@
 //! Documents as text: pretty, but short.
 
+use serde::Serialize;
 use serde_json::{Number, Value};
 
 use crate::{Error, Result};
 
 use super::document::Document;
+use super::volume::VolumeDocument;
 
 /// Lines are filled up to this many bytes where that is possible.
 const WIDTH: usize = 100;
@@ -14,6 +16,17 @@ const WIDTH: usize = 100;
 ///
 /// Errors: [`Error::NonFinite`] for a NaN or an infinity, which JSON cannot hold.
 pub fn write(document: &Document) -> Result<String> {
+    text_of(document)
+}
+
+/// The document of a volume as JSON, laid out as [`write`] does.
+///
+/// Errors: as [`write`].
+pub fn write_volume(document: &VolumeDocument) -> Result<String> {
+    text_of(document)
+}
+
+fn text_of(document: &impl Serialize) -> Result<String> {
     let value = serde_json::to_value(document)
         .map_err(|error| Error::Machine(format!("the scene cannot be written as JSON: {error}")))?;
     if let Some(place) = first_null(&value) {
