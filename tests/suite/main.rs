@@ -8,6 +8,7 @@
 #![allow(missing_docs, unreachable_pub, reason = "nothing here is public")]
 
 mod command;
+mod demo_scenes;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod layers;

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::{Value, json};
+use unscatter::io::scene_file::{Subject, subject};
 
 use super::pictures::{difference, exr, png_size};
 use super::{Desk, scene_with};
@@ -179,8 +180,11 @@ fn the_scenes_in_strokes_can_be_planned() {
     for entry in fs::read_dir(folder).into_iter().flatten() {
         let path = entry.unwrap().path();
         if path.extension().is_some_and(|ending| ending == "json") {
-            // Small maps: this is about whether the files are understood, not about their size.
-            let small = ["--set", "shadow_map.size=64", "--set", "light_map.size=32"];
+            // Small grids: this is about whether the files are understood, not about their size.
+            let small = match subject(&path).unwrap() {
+                Subject::LightMap => ["--set", "shadow_map.size=64", "--set", "light_map.size=32"],
+                Subject::Volume => ["--set", "volume.size=16", "--set", "light_size=8"],
+            };
             desk.done(&[&["plan", path.to_str().unwrap(), "--json"], &small[..]].concat()).json();
         }
     }

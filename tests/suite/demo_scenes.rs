@@ -1,0 +1,49 @@
+//! The demo scenes of volumes, as they are committed.
+
+use std::fs;
+use std::path::PathBuf;
+
+use unscatter::io::scene_file::{self, VolumeDocument};
+
+fn file(name: &str) -> PathBuf {
+    PathBuf::from(format!("{}/strokes/{name}.json", env!("CARGO_MANIFEST_DIR")))
+}
+
+/// The document, and the text that it was read from.
+fn document(name: &str) -> (VolumeDocument, String) {
+    let text = fs::read_to_string(file(name)).unwrap();
+    (serde_json::from_str(&text).unwrap(), text)
+}
+
+#[test]
+fn documents_of_volumes_are_written_as_they_were_read() {
+    for name in ["hand", "glass", "cloud"] {
+        let (mut document, text) = document(name);
+        assert!(scene_file::write_volume(&document).unwrap() == text, "{name}");
+        document.exposure += 1.0;
+        assert!(scene_file::write_volume(&document).unwrap() != text, "{name}: another exposure");
+    }
+}
+
+#[test]
+fn demo_scenes_of_volumes_want_something_of_every_view() {
+    for (name, views) in [("hand", 2), ("glass", 4), ("cloud", 10)] {
+        let scene = scene_file::load_volume(&file(name), &[]).unwrap();
+        assert_eq!(scene.views.len(), views, "{name}");
+        for view in &scene.views {
+            let is_painted = !view.view.strokes.is_empty() || !view.view.layers.is_empty();
+            assert!(is_painted || view.picture.is_some(), "{name}: {}", view.view.name);
+        }
+    }
+}
+
+#[test]
+fn demo_scenes_of_volumes_are_small() {
+    for entry in fs::read_dir(file("hand").parent().unwrap()).unwrap() {
+        let entry = entry.unwrap();
+        let name = entry.file_name().into_string().unwrap();
+        let is_of_volume = ["hand", "glass", "cloud"].iter().any(|start| name.starts_with(start));
+        let bytes = entry.metadata().unwrap().len();
+        assert!(!is_of_volume || bytes < 60_000, "{name}: {bytes} bytes");
+    }
+}
