@@ -2,6 +2,8 @@
 //!
 //! `cargo bench --bench volume [-- dense|trilinear]`; times are medians.
 
+#![allow(missing_docs, clippy::print_stdout)]
+
 use std::sync::Arc;
 use std::time::Instant;
 

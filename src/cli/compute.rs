@@ -200,7 +200,7 @@ impl Task<'_> {
         let (computed, operator) = task.compute(make, &mut each, resumed, steps, preview)?;
         Ok(Computed {
             backend: "gpu",
-            device: device(&record),
+            device: device(record),
             work: Some(work(gpu, &trips, operator.is_deterministic())),
             ..computed
         })

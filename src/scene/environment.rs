@@ -144,9 +144,10 @@ mod tests {
 
     #[test]
     fn beams_carry_all_of_the_light() -> Result<()> {
-        let pixels = (0..64 * 32).map(|i| [(i % 7) as f32, 1.0, if i < 64 { 50.0 } else { 0.0 }]).collect();
+        let pixels: Vec<Rgb> =
+            (0..64 * 32).map(|i| [(i % 7) as f32, 1.0, if i < 64 { 50.0 } else { 0.0 }]).collect();
         for directions in [1, 2, 16, 100] {
-            let map = Environment::map(Image::new([64, 32], pixels_of(&pixels))?, directions)?;
+            let map = Environment::map(Image::new([64, 32], pixels.clone())?, directions)?;
             let constant = Environment::constant([1.0, 2.0, 0.5], directions)?;
             let total = |environment: &Environment| {
                 environment.beams().iter().fold([0.0; 3], |sum: [f64; 3], (_, light)| {
@@ -158,10 +159,6 @@ mod tests {
             assert!((f64::from(constant.mean()[1]) - 2.0).abs() < 1e-5);
         }
         Ok(())
-    }
-
-    fn pixels_of(pixels: &Vec<Rgb>) -> Vec<Rgb> {
-        pixels.clone()
     }
 
     #[test]

@@ -99,7 +99,7 @@ impl Task<'_> {
                     let mut each = || trips.push(gpu.round_trips());
                     let trial = run.with(&operator, &watch, resumed, &mut each, steps, &preview)?;
                     let work = work(&gpu, &trips, operator.is_deterministic());
-                    Ok((trial, "gpu", device(&record), Some(work)))
+                    Ok((trial, "gpu", device(record), Some(work)))
                 }
             })?;
         checkpoint.write(&folder.file("checkpoint"), &trial.solved.outcome.history, &trial.solved.state)?;

@@ -1,6 +1,6 @@
 //! A volume scene as it is written.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -311,7 +311,7 @@ impl TransformsFile {
 }
 
 /// The file's own name with what no file name of a result may have replaced.
-fn name_of(file: &PathBuf) -> String {
+fn name_of(file: &Path) -> String {
     let usual = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
     let name: String = stem(file).chars().take(48).map(usual).collect();
     if name.is_empty() { "view".to_owned() } else { name }
