@@ -19,9 +19,9 @@ pub fn write(document: &Document) -> Result<String> {
     text_of(document)
 }
 
-/// The document of a volume as JSON, laid out as [`write`] does.
+/// The document of a volume as JSON, laid out as [`write()`] does.
 ///
-/// Errors: as [`write`].
+/// Errors: as [`write()`].
 pub fn write_volume(document: &VolumeDocument) -> Result<String> {
     text_of(document)
 }
