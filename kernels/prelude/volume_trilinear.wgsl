@@ -203,7 +203,7 @@ fn integrate(
     let slope = max(depth_slope(depth, part.x), depth_slope(depth, part.y));
     let steepest = max(slope, depth_slope(depth, 0.5 * (part.x + part.y))) * (part.y - part.x);
     let most = max(largest(depth_at(depth, part.y) - before), largest(steepest));
-    let panels = clamp(ceil(most / PANEL), 1.0, 4096.0);
+    let panels = clamp(ceil(most / PANEL), 1.0, MOST_PANELS);
     let across = 1.0 / panels;
     let width = (part.y - part.x) * across;
     let weight = strength * width;

@@ -87,13 +87,7 @@ pub(crate) struct CheckArguments {
 }
 
 #[derive(Debug, Args)]
-pub(crate) struct LightMapArguments {
-    #[command(flatten)]
-    pub(crate) scene: SceneArguments,
-    #[command(flatten)]
-    pub(crate) backend: BackendArguments,
-    #[command(flatten)]
-    pub(crate) output: OutputArguments,
+pub(crate) struct SolveArguments {
     /// The method, instead of the scene's: fista, spectral, lbfgs, mprgp, flexible-cgls or clamped-cgls within bounds;
     /// cgls, lsqr or lsmr without.
     #[arg(long, value_name = "NAME")]
@@ -105,21 +99,48 @@ pub(crate) struct LightMapArguments {
     /// start, instead of the scene's.
     #[arg(long, value_name = "X")]
     pub(crate) tolerance: Option<f64>,
-    /// Fill texels that no painted ray reaches from their neighbours, for hand-off.
-    #[arg(long)]
-    pub(crate) fill: bool,
     /// Bit-identical results in every run; the processor always gives them, graphics adapters at a price.
     #[arg(long)]
     pub(crate) deterministic: bool,
-    /// Find shadows, and the depth behind painted pixels, by a depth pass on the graphics adapter instead of by rays.
-    #[arg(long)]
-    pub(crate) rasterize: bool,
     /// Continue from the checkpoint in the output folder.
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Write the light map and the pictures every N iterations.
+    /// Write what there is so far, as pictures, every N iterations.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) preview_every: Option<u32>,
+}
+
+impl SolveArguments {
+    /// The flags that stand for values of the scene.
+    pub(crate) fn overrides(&self) -> Vec<String> {
+        let flag = |name: &str, value: Option<String>| value.map(|value| format!("solve.{name}={value}"));
+        [
+            flag("solver", self.solver.clone()),
+            flag("iterations", self.iterations.map(|n| n.to_string())),
+            flag("tolerance", self.tolerance.map(|x| x.to_string())),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct LightMapArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    #[command(flatten)]
+    pub(crate) backend: BackendArguments,
+    #[command(flatten)]
+    pub(crate) output: OutputArguments,
+    #[command(flatten)]
+    pub(crate) solve: SolveArguments,
+    /// Fill texels that no painted ray reaches from their neighbours, for hand-off.
+    #[arg(long)]
+    pub(crate) fill: bool,
+    /// Find shadows, and the depth behind painted pixels, by a depth pass on the graphics adapter instead of by rays.
+    #[arg(long)]
+    pub(crate) rasterize: bool,
 }
 
 #[derive(Debug, Args)]
@@ -130,51 +151,25 @@ pub(crate) struct VolumeArguments {
     pub(crate) backend: BackendArguments,
     #[command(flatten)]
     pub(crate) output: OutputArguments,
+    #[command(flatten)]
+    pub(crate) solve: SolveArguments,
     /// What to look for, instead of what the scene says: emission, albedo, joint, extinction, or extinction-then-joint,
     /// extinction-then-emission, extinction-then-albedo.
     #[arg(long, value_name = "NAME")]
     pub(crate) find: Option<String>,
-    /// The method, instead of the scene's: fista, spectral, lbfgs, mprgp, flexible-cgls or clamped-cgls within bounds;
-    /// cgls, lsqr or lsmr without.
-    #[arg(long, value_name = "NAME")]
-    pub(crate) solver: Option<String>,
-    /// Iterations at most, instead of the scene's.
-    #[arg(long, value_name = "N")]
-    pub(crate) iterations: Option<u32>,
-    /// Stop when the projected gradient (for solvers without bounds, the normal residual) has fallen to this part of its
-    /// start, instead of the scene's.
-    #[arg(long, value_name = "X")]
-    pub(crate) tolerance: Option<f64>,
     /// Files to write what was found to: vdb, npy, npz, vol, raw, or all; may be repeated. npy and vdb by default.
     #[arg(long = "format", value_name = "FORMAT")]
     pub(crate) formats: Vec<String>,
     /// Pictures from all around, for the report.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(0..=720))]
     pub(crate) turntable: u32,
-    /// Bit-identical results in every run; the processor always gives them, graphics adapters at a price.
-    #[arg(long)]
-    pub(crate) deterministic: bool,
-    /// Continue from the checkpoint in the output folder.
-    #[arg(long)]
-    pub(crate) resume: bool,
-    /// Write the pictures as they are every N iterations.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) preview_every: Option<u32>,
 }
 
 impl VolumeArguments {
     /// The flags that stand for values of the scene.
-    pub(crate) fn solve_overrides(&self) -> Vec<String> {
-        let flag = |name: &str, value: Option<String>| value.map(|value| format!("{name}={value}"));
-        [
-            flag("find", self.find.clone()),
-            flag("solve.solver", self.solver.clone()),
-            flag("solve.iterations", self.iterations.map(|n| n.to_string())),
-            flag("solve.tolerance", self.tolerance.map(|x| x.to_string())),
-        ]
-        .into_iter()
-        .flatten()
-        .collect()
+    pub(crate) fn overrides(&self) -> Vec<String> {
+        let find = self.find.iter().map(|find| format!("find={find}"));
+        find.chain(self.solve.overrides()).collect()
     }
 
     /// The formats that results are written in.

@@ -17,7 +17,7 @@ use crate::{Error, Result};
 pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Done> {
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
-    let mut scene = job::load(&arguments.scene, &arguments.solve_overrides())?;
+    let mut scene = job::load(&arguments.scene, &arguments.overrides())?;
     let mut engine = Engine::choose(&arguments.backend)?;
     let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
     watch_interrupt()?;
@@ -26,22 +26,22 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     let problem = trace(&scene, &engine, arguments.rasterize)?;
     job::settle_metric(&mut scene, &problem);
     let checkpoint = resume::Keeper::new(&folder, resume::of_light_map(&scene, &problem));
-    let resumed = if arguments.resume { Some(checkpoint.read()?) } else { None };
+    let resumed = if arguments.solve.resume { Some(checkpoint.read()?) } else { None };
     let task = Task {
         scene: &scene,
         problem: &problem,
         watch: Watch {
             checkpoint: &checkpoint,
-            preview_every: arguments.preview_every.map(|every| every as usize),
+            preview_every: arguments.solve.preview_every.map(|every| every as usize),
             iterations: scene.solve.iterations,
             adapter: None,
         },
     };
     let preview = |texels: &[Rgb]| preview(&scene, &problem, &folder, texels);
-    let computed = engine.run(&checkpoint, arguments.resume, resumed, |on, resumed| match on {
+    let computed = engine.run(&checkpoint, arguments.solve.resume, resumed, |on, resumed| match on {
         On::Cpu => task.on_cpu(resumed, &mut steps, &preview),
         #[cfg(feature = "gpu")]
-        On::Gpu(gpu) => task.on_gpu(&gpu, arguments.deterministic, resumed, &mut steps, &preview),
+        On::Gpu(gpu) => task.on_gpu(&gpu, arguments.solve.deterministic, resumed, &mut steps, &preview),
     })?;
     let Computed { solved, before, after, coverage, .. } = &computed;
     checkpoint.write(&folder.file("checkpoint"), &solved.outcome.history, &solved.state)?;
@@ -97,17 +97,10 @@ fn trace(scene: &Scene, engine: &Engine, rasterize: bool) -> Result<LightMapProb
 
 impl LightMapArguments {
     /// The flags that stand for values of the scene.
-    fn solve_overrides(&self) -> Vec<String> {
-        let flag = |name: &str, value: Option<String>| value.map(|value| format!("solve.{name}={value}"));
-        [
-            flag("solver", self.solver.clone()),
-            flag("iterations", self.iterations.map(|n| n.to_string())),
-            flag("tolerance", self.tolerance.map(|x| x.to_string())),
-            flag("fill", self.fill.then(|| "true".to_owned())),
-        ]
-        .into_iter()
-        .flatten()
-        .collect()
+    fn overrides(&self) -> Vec<String> {
+        let mut overrides = self.solve.overrides();
+        overrides.extend(self.fill.then(|| "solve.fill=true".to_owned()));
+        overrides
     }
 }
 

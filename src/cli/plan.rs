@@ -71,13 +71,7 @@ pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done>
         matrix_bytes: problem.plan.bytes,
         other_bytes: job::fixed_bytes(&scene, &problem),
         budget_bytes: scene.solve.memory.unwrap_or_else(machine::default_budget),
-        strategy: if kept >= 1.0 {
-            "assembled"
-        } else if kept > 0.0 {
-            "mixed"
-        } else {
-            "matrix-free"
-        },
+        strategy: strategy(kept),
         kept,
         texels,
         lit_texels,
@@ -108,7 +102,11 @@ fn seconds_per_iteration(problem: &LightMapProblem, kept: f64) -> Result<f64> {
 
 /// The number of rows, and the least seconds that both products took in a few trials.
 fn timed(problem: &LightMapProblem, strategy: Strategy) -> Result<(usize, f64)> {
-    let operator = problem.operator_with(strategy, u64::MAX)?;
+    Ok((problem.constraints.len(), least_seconds(&problem.operator_with(strategy, u64::MAX)?)?))
+}
+
+/// The least seconds that both products took in a few trials.
+pub(super) fn least_seconds(operator: &impl LinearOperator) -> Result<f64> {
     let (mut x, mut y) = (operator.domain(), operator.range());
     x.fill([1.0; 3]);
     let mut least = f64::INFINITY;
@@ -118,7 +116,18 @@ fn timed(problem: &LightMapProblem, strategy: Strategy) -> Result<(usize, f64)> 
         operator.apply_adjoint(&y, &mut x)?;
         least = least.min(clock.elapsed().as_secs_f64());
     }
-    Ok((problem.constraints.len(), least))
+    Ok(least)
+}
+
+/// What keeping this share of the rows is called.
+pub(super) fn strategy(kept: f64) -> &'static str {
+    if kept >= 1.0 {
+        "assembled"
+    } else if kept > 0.0 {
+        "mixed"
+    } else {
+        "matrix-free"
+    }
 }
 
 fn words(plan: &Plan) -> String {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::march::{GAUSS_2, GAUSS_4, PANEL, SERIES_0, SERIES_2};
+use crate::march::{GAUSS_2, GAUSS_4, MOST_PANELS, PANEL, SERIES_0, SERIES_2};
 use crate::operator::{NOWHERE, TILE_SIDE};
 
 use super::fixed_point::Accumulation;
@@ -238,7 +238,7 @@ impl Kernel {
                 ));
                 put(format!("const EXTINCTION: bool = {};", walk.extinction));
                 put(format!("const LIT: bool = {};\nconst NESTED: bool = {};", walk.lit, walk.nested));
-                put(format!("const PANEL: f32 = {PANEL:e}f;"));
+                put(format!("const PANEL: f32 = {PANEL:e}f;\nconst MOST_PANELS: f32 = {MOST_PANELS:e}f;"));
                 for (k, [node, weight]) in GAUSS_4.iter().enumerate() {
                     put(format!(
                         "const NODE_{k}: f32 = {node:e}f;\nconst NODE_WEIGHT_{k}: f32 = {weight:e}f;"

@@ -16,7 +16,7 @@ pub(crate) use volume::{CellRay, Line};
 pub use volume::{
     Density, InScattering, LitVolume, Part, PixelRays, Quantity, Refraction, VolumeTransport, VolumeTraversal,
 };
-pub use volume::{GAUSS_2, GAUSS_4, PANEL};
+pub use volume::{GAUSS_2, GAUSS_4, MOST_PANELS, PANEL};
 
 /// The floating-point types that traversals and operators compute in.
 pub trait Real:

@@ -19,10 +19,21 @@ pub struct Formulation<'a> {
     pub lattice: Lattice<'a>,
     /// l and u of the elements.
     pub bounds: Bounds,
-    /// What the pull towards the start is multiplied by for elements from some index on.
-    pub steering: Option<(usize, f64)>,
+    /// What the pull towards the start is multiplied by; none where by nothing.
+    pub steering: Option<Steering>,
     /// What a person can do when the rows are too dark to be computed with.
     pub remedy: &'static str,
+}
+
+/// What the pull towards the start is multiplied by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Steering {
+    /// For the elements before `then_from`.
+    pub first: f64,
+    /// Where the others begin.
+    pub then_from: usize,
+    /// For the others.
+    pub then: f64,
 }
 
 /// x₀.

@@ -21,7 +21,7 @@ mod volume;
 pub use assess::{Assessment, Assessor, Match};
 pub use constraints::{Constraint, constraints};
 pub use extents::{Maps, fit};
-pub use formulation::{Formulation, Lattice, Start};
+pub use formulation::{Formulation, Lattice, Start, Steering};
 #[cfg(feature = "gpu")]
 pub use gpu::{GpuLightMapOperator, GpuOperator};
 use light_map::luminance;

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::transport::{brought, fetched};
-use super::{Formulation, TransportOperator};
+use super::{Formulation, Steering, TransportOperator};
 use crate::cpu::Tiling;
 use crate::operator::{
     Blocks, Bounds, CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Metric, Neighbours,
@@ -183,8 +183,10 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
     fn regularizers(&self, problem: &Formulation, settings: &SolveSettings) -> Result<Regularizers<V>> {
         // λ of an unknown, relative to that of the others.
         let mut pulls = vec![1.0; self.columns.len()];
-        if let Some((element, pull)) = problem.steering {
-            pulls[self.unknowns_before(element)..].fill(pull);
+        if let Some(Steering { first, then_from, then }) = problem.steering {
+            let (before, others) = pulls.split_at_mut(self.unknowns_before(then_from));
+            before.fill(first);
+            others.fill(then);
         }
         let asked = settings.regularization;
         // Who lies beside whom takes much memory, and often nobody asks.

@@ -105,12 +105,16 @@ fn volume(report: &Report, pictures: &Pictures) -> Result<String> {
 /// One line of the table of what was looked for.
 fn stage(stage: &StageRecord) -> String {
     format!(
-        "<tr><th>{}</th><td>{}</td><td>{}</td><td>{} ({})</td><td>{}</td><td>{}</td></tr>\n",
+        "<tr><th>{}</th><td>{}</td><td>{}</td><td>{}, {}</td><td>{}</td><td>{}</td></tr>\n",
         escaped(&stage.find),
         count(stage.problem.rows),
         count(stage.problem.active_unknowns),
         count(stage.stop.iteration),
-        escaped(&stage.stop.reason),
+        match stage.stop.reason.as_str() {
+            "tolerance" | "exact" => "converged".to_owned(),
+            "iterations" => "the limit".to_owned(),
+            other => escaped(other),
+        },
         percent(stage.weighted_residual.before),
         percent(stage.weighted_residual.after),
     )

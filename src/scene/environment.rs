@@ -106,6 +106,15 @@ impl Environment {
         }
     }
 
+    /// The largest radiance of any channel.
+    pub fn brightest(&self) -> f32 {
+        let largest = |color: &Rgb| color.iter().copied().fold(0.0, f32::max);
+        match &self.sky {
+            Sky::Constant(radiance) => largest(radiance),
+            Sky::Map(picture) => picture.pixels.iter().map(largest).fold(0.0, f32::max),
+        }
+    }
+
     /// Mean radiance over all directions.
     pub fn mean(&self) -> Rgb {
         let mut sum = [0.0f64; 3];

@@ -15,7 +15,7 @@ pub struct VolumeScene {
     pub lights: Vec<DirectionalLight>,
     /// Light from everywhere.
     pub environment: Environment,
-    /// Voxels of the cached light along each axis; none: half of the extinction's, from 16 to 64.
+    /// Voxels of the cached light along each axis; none: the extinction's for suns, up to 128, and half of them for the environment, from 16 to 64.
     pub light_size: Option<[usize; 3]>,
     /// What is seen where a ray leaves the volume and meets no surface; none: the environment.
     pub background: Option<Rgb>,

@@ -3,7 +3,8 @@ use std::collections::BTreeMap;
 use super::super::findings::{history, strategy, weights};
 use super::super::machine;
 use super::stage::Stage;
-use crate::problem::Desired;
+use crate::march::Refraction;
+use crate::problem::{Desired, VolumeProblem};
 use crate::report::{
     Certificate, Change, Coverage, Problem, Regularization, Report, Share, StageRecord, StopRecord, ViewMatch,
 };
@@ -113,7 +114,7 @@ impl Findings<'_> {
             ("metric", format!("{:?}", stage.settings.metric_in_use()).to_lowercase()),
         ];
         if let Some(refraction) = &transport.refraction {
-            settings.push(("refraction", format!("Euler steps of {:.2e} m", refraction.step())));
+            settings.push(("refraction", refraction_in_words(refraction, &stage.problem)));
         }
         if stage.find == Find::Joint {
             let [emission, albedo] = self.scene.pull;
@@ -172,6 +173,20 @@ impl Findings<'_> {
         }
         skipped.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }
+}
+
+/// The step along bent rays, and what it costs: measured on some of the rows.
+fn refraction_in_words(refraction: &Refraction, problem: &VolumeProblem) -> String {
+    const SAMPLES: usize = 256;
+    let rays = problem.traversal.rays();
+    let sampled = (0..rays.len()).step_by(rays.len().div_ceil(SAMPLES).max(1));
+    let errors: Vec<f64> = sampled.map(|row| refraction.step_error(&rays.ray(row))).collect();
+    let worst = errors.iter().copied().fold(0.0, f64::max);
+    let mean = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
+    format!(
+        "Euler steps of {:.2e} m; half as long they would move the rays by {mean:.1e} m on average, {worst:.1e} m at most",
+        refraction.step()
+    )
 }
 
 fn certificate(stage: &Stage) -> Certificate {

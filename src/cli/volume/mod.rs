@@ -29,7 +29,7 @@ pub(super) use render::render;
 pub(super) fn run(arguments: &VolumeArguments, manners: &Manners) -> Result<Done> {
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
-    let scene = job::load_volume(&arguments.scene, &arguments.solve_overrides())?;
+    let scene = job::load_volume(&arguments.scene, &arguments.overrides())?;
     let formats = arguments.formats()?;
     let mut engine = Engine::choose(&arguments.backend)?;
     let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;

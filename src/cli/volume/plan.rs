@@ -4,17 +4,16 @@ use serde::Serialize;
 
 use super::super::args::SceneArguments;
 use super::super::job::mebibytes;
+use super::super::plan::{least_seconds, strategy};
 use super::super::progress::Steps;
 use super::super::{Done, Manners, job, machine, to_json};
 use super::memory;
-use crate::Result;
-use crate::operator::{LinearOperator, Vector};
 use crate::problem::VolumeProblem;
 use crate::scene::Strategy;
+use crate::{Error, Result};
 
-/// Rows that are timed, and how often.
+/// Rows that are timed.
 const SAMPLE: usize = 16384;
-const TRIALS: usize = 3;
 
 #[derive(Serialize)]
 struct Plan {
@@ -79,13 +78,7 @@ pub(in crate::cli) fn plan(arguments: &SceneArguments, manners: &Manners) -> Res
             matrix_bytes: problem.plan.bytes,
             other_bytes: memory::stage_bytes(&scene, &settings, &problem),
             budget_bytes: settings.memory.unwrap_or_else(machine::default_budget),
-            strategy: if kept >= 1.0 {
-                "assembled"
-            } else if kept > 0.0 {
-                "mixed"
-            } else {
-                "matrix-free"
-            },
+            strategy: strategy(kept),
             kept,
             set_up_seconds,
             seconds_per_iteration: seconds_per_iteration(&problem, kept)?,
@@ -102,19 +95,8 @@ pub(in crate::cli) fn plan(arguments: &SceneArguments, manners: &Manners) -> Res
 fn seconds_per_iteration(problem: &VolumeProblem, kept: f64) -> Result<f64> {
     let sample = problem.sampled(SAMPLE);
     let share = problem.targets.len() as f64 / sample.targets.len() as f64;
-    let seconds = |strategy: Strategy| -> Result<f64> {
-        let operator = sample.operator(strategy, u64::MAX)?;
-        let (mut x, mut y) = (operator.domain(), operator.range());
-        x.fill([1.0; 3]);
-        let mut least = f64::INFINITY;
-        for _ in 0..TRIALS {
-            let clock = Instant::now();
-            operator.apply(&x, &mut y)?;
-            operator.apply_adjoint(&y, &mut x)?;
-            least = least.min(clock.elapsed().as_secs_f64());
-        }
-        Ok(share * least)
-    };
+    let seconds =
+        |strategy: Strategy| Ok::<_, Error>(share * least_seconds(&sample.operator(strategy, u64::MAX)?)?);
     let kept_seconds = if kept > 0.0 { kept * seconds(Strategy::Assembled)? } else { 0.0 };
     let walked_seconds = if kept < 1.0 { (1.0 - kept) * seconds(Strategy::MatrixFree)? } else { 0.0 };
     Ok(kept_seconds + walked_seconds)

@@ -57,7 +57,7 @@ impl Task<'_> {
         memory::settle_metric(self.scene, &mut settings, &problem);
         let budget = memory::budget(self.scene, &settings, &problem)?;
         let checkpoint = resume::Keeper::new(folder, resume::of_volume(&settings, &problem));
-        let resumed = match arguments.resume {
+        let resumed = match arguments.solve.resume {
             true => match checkpoint.read() {
                 Ok(paused) => Some(paused),
                 // The checkpoint of a later stage; this one is quickly done again.
@@ -68,7 +68,7 @@ impl Task<'_> {
         };
         let watch = Watch {
             checkpoint: &checkpoint,
-            preview_every: arguments.preview_every.map(|every| every as usize),
+            preview_every: arguments.solve.preview_every.map(|every| every as usize),
             iterations: settings.iterations,
             adapter: None,
         };
@@ -76,7 +76,7 @@ impl Task<'_> {
         let other_bytes = memory::stage_bytes(self.scene, &settings, &problem);
         let run = Run { problem: &problem, settings: &settings };
         let (trial, backend, device, work) =
-            engine.run(&checkpoint, arguments.resume, resumed, |on, resumed| match on {
+            engine.run(&checkpoint, arguments.solve.resume, resumed, |on, resumed| match on {
                 On::Cpu => {
                     steps.begin("walking", None);
                     let operator = problem.operator(settings.strategy, budget)?;
@@ -91,7 +91,7 @@ impl Task<'_> {
                         &problem,
                         settings.strategy,
                         budget,
-                        arguments.deterministic,
+                        arguments.solve.deterministic,
                     )?;
                     let mut trips = Vec::new();
                     let record = gpu.record();

@@ -8,7 +8,7 @@ use crate::problem::VolumeRenderer;
 use crate::scene::{Camera, Image, VolumeScene};
 
 /// The longer side of a picture at most.
-const LONGEST: usize = 320;
+const LONGEST: usize = 240;
 
 /// So many pictures, from the first view on once around the middle of the volume, about the axis that is up in the world.
 pub(super) fn pictures(renderer: &VolumeRenderer, scene: &VolumeScene, count: usize) -> Result<Vec<Image>> {

@@ -106,7 +106,7 @@ pub const GAUSS_2: [[f64; 2]; 2] = [[0.211_324_865_405_187_13, 0.5], [0.788_675_
 /// Optical depth that four nodes are trusted with.
 pub const PANEL: f64 = 0.5;
 /// Panels of a cell at most: 5e5 of optical depth are resolved.
-const MOST_PANELS: f64 = 1_048_576.0;
+pub const MOST_PANELS: f64 = 1_048_576.0;
 /// Optical depth behind which nothing adds to what is before it in f64.
 const OPAQUE: f64 = 40.0;
 
@@ -177,27 +177,28 @@ impl VolumeTraversal {
         meets
     }
 
-    /// Visits the voxels of a part's grid, elements or not, that a row sees.
+    /// Visits the voxels of a part's grid, elements or not, that a row sees; returns what is left of light at the row's end, to
+    /// the transmittance bound (of extinction, which knows none, 1).
     #[inline]
     pub fn trace<const C: usize>(
         &self,
         row: usize,
         part: &Part,
         visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
-    ) {
+    ) -> Weight<f64, C> {
         if self.transport.refraction.is_some() {
             // A bent ray may come back to a voxel.
             let mut seen: Vec<([usize; 3], Weight<f64, C>)> = Vec::new();
-            self.trace_in(row, part, &mut |voxel, weight| seen.push((voxel, weight)));
+            let left = self.trace_in(row, part, &mut |voxel, weight| seen.push((voxel, weight)));
             seen.sort_by_key(|&(voxel, _)| part.grid.index(voxel));
             for same in seen.chunk_by(|a, b| a.0 == b.0) {
                 let mut sum = [0.0; C];
                 same.iter().for_each(|(_, weight)| super::basis::add(&mut sum, *weight));
                 visit(same[0].0, sum);
             }
-            return;
+            return left;
         }
-        self.trace_in(row, part, visit);
+        self.trace_in(row, part, visit)
     }
 
     #[inline]
@@ -206,7 +207,7 @@ impl VolumeTraversal {
         row: usize,
         part: &Part,
         visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
-    ) {
+    ) -> Weight<f64, C> {
         match self.transport.basis {
             Interpolation::Nearest => self.trace_with::<C, Nearest<C>>(row, part, visit),
             Interpolation::Trilinear => self.trace_with::<C, Trilinear<C>>(row, part, visit),
@@ -219,7 +220,7 @@ impl VolumeTraversal {
         row: usize,
         part: &Part,
         visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
-    ) {
+    ) -> Weight<f64, C> {
         let mut window = W::new(part.grid.size());
         let mut strength = [1.0; C];
         self.each_line(row, |line, a, b| {
@@ -235,6 +236,7 @@ impl VolumeTraversal {
             strength.iter().any(|&left| left > self.transport.transmittance_bound)
         });
         window.finish(visit);
+        strength
     }
 
     /// Adds the weights of emission or albedo along a line: exact for emission; for albedo where light is linear along each piece

@@ -154,6 +154,26 @@ impl Refraction {
         self.step
     }
 
+    /// How far the line on which a ray leaves the grid moves when steps are half as long, in metres: about half of the error of
+    /// the step, which is of first order.
+    pub fn step_error(&self, ray: &Ray) -> f64 {
+        let [(coarse, direction), (fine, _)] =
+            [self, &self.with_step(0.5 * self.step)].map(|path| path.exit(ray));
+        // Both leave within a step behind the rim; how far along the line says nothing.
+        (fine - coarse).reject_from_normalized(direction).length()
+    }
+
+    /// Where a ray begins its last straight piece, and its direction there.
+    fn exit(&self, ray: &Ray) -> (DVec3, DVec3) {
+        let mut exit = (ray.origin, ray.direction);
+        let line = Line { origin: ray.origin, direction: ray.direction };
+        self.each_line(&line, f64::INFINITY, |line, a, _| {
+            exit = (line.origin + line.direction * a, line.direction);
+            true
+        });
+        exit
+    }
+
     /// Visits the straight pieces of a ray in order, of `length` metres in all: each a line with the t at which it begins
     /// and ends, t running through all of them.
     pub(super) fn each_line(&self, line: &Line, length: f64, mut visit: impl FnMut(&Line, f64, f64) -> bool) {

@@ -2,16 +2,18 @@
 
 mod desired;
 mod extinction;
+mod fixed;
 mod hull;
 mod operator;
 mod optics;
+mod problem;
 mod renderer;
-mod rows;
+mod searched;
 
 pub use desired::Desired;
 pub use operator::VolumeOperator;
 pub use optics::Optics;
+pub use problem::{AllVoxels, LeftOut, VolumeProblem};
 pub use renderer::{Model, VolumeRenderer};
-pub use rows::{AllVoxels, LeftOut, VolumeProblem};
 
 use super::luminance;

@@ -5,12 +5,14 @@ use rayon::prelude::*;
 
 use crate::cpu::{Beam, light_volume};
 use crate::march::{Density, InScattering, LitVolume, PixelRays, Refraction, VolumeTransport};
-use crate::scene::{Ray, Rgb, VolumeMedium, VolumeScene, VoxelGrid, henyey_greenstein};
+use crate::scene::{Hit, Ray, Rgb, VolumeMedium, VolumeScene, VoxelGrid, henyey_greenstein};
 use crate::{Error, Result};
 
-/// Voxels of the cached light along an axis where the scene does not say how many: half of the medium's, for light is
-/// smooth, but no fewer (where the medium has as many) and no more than these.
-const LIGHT_SIDES: [usize; 2] = [16, 64];
+/// Voxels of the cached light along an axis where the scene does not say how many. A sun casts shadows, which are sharp: as
+/// many as the medium has, up to this. Light from everywhere is smooth, and costs as much as it has directions: half as
+/// many, but no fewer than the least (where the medium has as many) and no more than the most.
+const SUN_SIDE: usize = 128;
+const SKY_SIDES: [usize; 2] = [16, 64];
 
 /// A medium as rays meet it: its extinction, the light that it scatters, and what bends the rays.
 #[derive(Debug, Clone)]
@@ -21,6 +23,8 @@ pub struct Optics {
     pub light: Option<Arc<InScattering>>,
     /// What bends the rays.
     pub refraction: Option<Arc<Refraction>>,
+    /// Mean radiance of the environment, which surfaces reflect.
+    around: Rgb,
 }
 
 impl Optics {
@@ -35,7 +39,7 @@ impl Optics {
             Ok::<_, Error>(Arc::new(Refraction::new(index.clone(), step)?))
         });
         let light = light(scene, medium, &density)?;
-        Ok(Self { density, light, refraction: refraction.transpose()? })
+        Ok(Self { density, light, refraction: refraction.transpose()?, around: scene.environment.mean() })
     }
 
     /// What all rays share.
@@ -51,55 +55,44 @@ impl Optics {
 
     /// How far rays go before they meet a surface; empty where there are no surfaces.
     pub fn lengths(&self, scene: &VolumeScene, rays: &PixelRays) -> Vec<f64> {
-        if scene.geometry.mesh().triangles.is_empty() {
+        if is_open(scene) {
             return Vec::new();
         }
-        (0..rays.len()).into_par_iter().map(|row| self.end(scene, rays, row).0).collect()
+        let length = |row: usize| self.end(scene, rays, row).1.map_or(f64::INFINITY, |(length, _)| length);
+        (0..rays.len()).into_par_iter().map(length).collect()
     }
 
     /// What a ray sees behind the volume: the radiance there, before it passes the medium.
     pub fn background(&self, scene: &VolumeScene, rays: &PixelRays, row: usize) -> Rgb {
-        let (length, ray) = self.end(scene, rays, row);
-        if length.is_finite()
-            && let Some(hit) = scene.geometry.first_hit(&ray, f64::INFINITY)
-        {
-            let point = ray.at(hit.distance);
-            return self.surface(scene, point, hit.normal, hit.albedo);
-        }
         let [view, pixel] = rays.pixel(row);
         let picture = scene.views.get(view as usize).and_then(|view| view.background.as_ref());
-        match (picture, scene.background) {
-            (Some(picture), _) => picture.pixels[pixel as usize],
+        let known = picture.map(|picture| picture.pixels[pixel as usize]).or(scene.background);
+        if let (true, Some(color)) = (is_open(scene), known) {
+            return color;
+        }
+        let (ray, hit) = self.end(scene, rays, row);
+        match (hit, known) {
+            (Some((_, hit)), _) => self.surface(scene, ray.at(hit.distance), hit.normal, hit.albedo),
             (None, Some(color)) => color,
             (None, None) => scene.environment.radiance(ray.direction),
         }
     }
 
-    /// How far a ray goes, and the straight ray that it ends on.
-    fn end(&self, scene: &VolumeScene, rays: &PixelRays, row: usize) -> (f64, Ray) {
-        let is_open = scene.geometry.mesh().triangles.is_empty();
-        let mut end = (f64::INFINITY, rays.ray(row));
+    /// The straight ray that a row ends on, and how long the row is and what it meets there, if anything.
+    fn end(&self, scene: &VolumeScene, rays: &PixelRays, row: usize) -> (Ray, Option<(f64, Hit)>) {
+        let mut end = (rays.ray(row), None);
         rays.each_straight(row, self.refraction.as_deref(), |ray, a, b| {
             let start = Ray { origin: ray.at(a), direction: ray.direction };
-            end.1 = start;
-            if is_open {
-                return true;
-            }
-            match scene.geometry.first_hit(&start, b - a) {
-                Some(hit) => {
-                    end.0 = a + hit.distance;
-                    false
-                }
-                None => true,
-            }
+            let hit = scene.geometry.first_hit(&start, b - a);
+            end = (start, hit.map(|hit| (a + hit.distance, hit)));
+            end.1.is_none()
         });
         end
     }
 
     /// Radiance of a diffuse surface: suns through the medium, and the mean of the environment.
     fn surface(&self, scene: &VolumeScene, point: DVec3, normal: DVec3, albedo: Rgb) -> Rgb {
-        let around = scene.environment.mean();
-        let mut sum: [f64; 3] = std::array::from_fn(|c| f64::from(around[c]));
+        let mut sum = self.around.map(f64::from);
         for sun in &scene.lights {
             let cosine = -normal.dot(sun.direction);
             let lifted = point + normal * (1e-4 * (1.0 + point.length()));
@@ -128,48 +121,53 @@ fn light(scene: &VolumeScene, medium: &VolumeMedium, density: &Density) -> Resul
     if density.cells().is_empty() || (!sky && suns.is_empty()) {
         return Ok(None);
     }
-    let size = scene.light_size.unwrap_or(density.grid().size().map(light_side));
-    let grid = VoxelGrid::over_cube(size, density.grid().world_from_cube())?;
+    let grid = |side: &dyn Fn(usize) -> usize| {
+        let size = scene.light_size.unwrap_or(density.grid().size().map(side));
+        VoxelGrid::over_cube(size, density.grid().world_from_cube())
+    };
     let mut fields = Vec::new();
-    // What does not depend on the view is one volume.
-    let mut everywhere = Vec::new();
+    let mut add = |along, grid, beams: &[Beam]| -> Result<()> {
+        let radiance = Arc::new(light_volume(density, &scene.geometry, grid, beams)?);
+        fields.push(LitVolume { along, radiance });
+        Ok(())
+    };
+    // Where the phase function does not depend on the view, it is part of what arrives.
     let isotropic = henyey_greenstein(0.0, 0.0);
-    let scattered = |radiance: Rgb| radiance.map(|value| (f64::from(value) * isotropic) as f32);
+    let scattered = |towards, radiance: Rgb| Beam {
+        towards,
+        radiance: radiance.map(|value| (f64::from(value) * isotropic) as f32),
+    };
     if sky {
         if medium.g != 0.0 {
             return Err(Error::value("volume.g", medium.g, "0 where there is environment light"));
         }
-        everywhere.extend(
-            scene
-                .environment
-                .beams()
-                .into_iter()
-                .filter(|(_, radiance)| *radiance != [0.0; 3])
-                .map(|(towards, radiance)| Beam { towards, radiance: scattered(radiance) }),
-        );
+        let beams = scene.environment.beams().into_iter().filter(|(_, radiance)| *radiance != [0.0; 3]);
+        let beams: Vec<Beam> = beams.map(|(towards, radiance)| scattered(towards, radiance)).collect();
+        add(None, grid(&sky_side)?, &beams)?;
     }
-    for sun in suns {
-        let towards = -sun.direction;
-        if medium.g == 0.0 {
-            everywhere.push(Beam { towards, radiance: scattered(sun.radiance) });
-        } else {
-            let beam = Beam { towards, radiance: sun.radiance };
-            let radiance = light_volume(density, &scene.geometry, grid, &[beam])?;
-            let along = Some((sun.direction, medium.g));
-            fields.push(LitVolume { along, radiance: Arc::new(radiance) });
+    let of_suns = grid(&|side| side.min(SUN_SIDE))?;
+    if medium.g == 0.0 {
+        let beams: Vec<Beam> = suns.iter().map(|sun| scattered(-sun.direction, sun.radiance)).collect();
+        if !beams.is_empty() {
+            add(None, of_suns, &beams)?;
         }
-    }
-    if !everywhere.is_empty() {
-        let radiance = light_volume(density, &scene.geometry, grid, &everywhere)?;
-        fields.push(LitVolume { along: None, radiance: Arc::new(radiance) });
+    } else {
+        for sun in suns {
+            let beam = Beam { towards: -sun.direction, radiance: sun.radiance };
+            add(Some((sun.direction, medium.g)), of_suns, &[beam])?;
+        }
     }
     Ok(Some(Arc::new(InScattering::new(fields))))
 }
 
-/// Voxels of the cached light beside so many of the medium.
-fn light_side(side: usize) -> usize {
-    let [fewest, most] = LIGHT_SIDES;
+/// Voxels of the light from everywhere beside so many of the medium.
+fn sky_side(side: usize) -> usize {
+    let [fewest, most] = SKY_SIDES;
     (side / 2).clamp(fewest.min(side), most)
+}
+
+fn is_open(scene: &VolumeScene) -> bool {
+    scene.geometry.mesh().triangles.is_empty()
 }
 
 /// Length of the shortest side of a voxel, in metres.

@@ -81,43 +81,45 @@ impl<'a> VolumeRenderer<'a> {
     /// Radiance of a row of such a traversal.
     pub fn radiance(&self, traversal: &VolumeTraversal, row: usize) -> Rgb {
         let behind = self.optics.background(self.scene, traversal.rays(), row);
-        let transmittance = traversal.transmittance(row);
-        let mut sum: [f64; 3] = std::array::from_fn(|c| transmittance[c] * f64::from(behind[c]));
-        match self.model {
-            Model::Constant(radiance) => {
-                (0..3).for_each(|c| sum[c] += (1.0 - transmittance[c]) * f64::from(radiance[c]));
-            }
-            Model::SingleScattering => {
-                for (part, volume) in &self.carried {
-                    let carried =
-                        carried(traversal, row, part, &|voxel| volume.color(part.grid.index(voxel)));
-                    (0..3).for_each(|c| sum[c] += carried[c]);
-                }
-            }
+        let (mut sum, mut transmittance) = ([0.0; 3], None);
+        for (part, volume) in &self.carried {
+            let (carried, left) =
+                carried(traversal, row, part, &|voxel| volume.color(part.grid.index(voxel)));
+            transmittance = Some(left);
+            (0..3).for_each(|c| sum[c] += carried[c]);
         }
-        sum.map(|value| value as f32)
+        // Whoever has walked the medium knows what is left of light behind it.
+        let transmittance = transmittance.unwrap_or_else(|| traversal.transmittance(row));
+        let constant = match self.model {
+            Model::Constant(radiance) => radiance,
+            Model::SingleScattering => [0.0; 3],
+        };
+        std::array::from_fn(|c| {
+            let medium = (1.0 - transmittance[c]) * f64::from(constant[c]);
+            (sum[c] + transmittance[c] * f64::from(behind[c]) + medium) as f32
+        })
     }
 }
 
-/// Σ w x of one row over a part's voxels, for values x of the caller's.
+/// Σ w x of one row over a part's voxels, for values x of the caller's; and what is left of light at the row's end.
 pub(super) fn carried(
     traversal: &VolumeTraversal,
     row: usize,
     part: &Part,
     value: &dyn Fn([usize; 3]) -> Rgb,
-) -> [f64; 3] {
+) -> ([f64; 3], [f64; 3]) {
     fn sum<const C: usize>(
         traversal: &VolumeTraversal,
         row: usize,
         part: &Part,
         value: &dyn Fn([usize; 3]) -> Rgb,
-    ) -> [f64; 3] {
+    ) -> ([f64; 3], [f64; 3]) {
         let mut sum = [0.0; 3];
-        traversal.trace::<C>(row, part, &mut |voxel, weight| {
+        let left = traversal.trace::<C>(row, part, &mut |voxel, weight| {
             let value = value(voxel);
             (0..3).for_each(|c| sum[c] += channel(&weight, c) * f64::from(value[c]));
         });
-        sum
+        (sum, std::array::from_fn(|c| channel(&left, c)))
     }
     if is_grey(traversal, part) {
         sum::<1>(traversal, row, part, value)

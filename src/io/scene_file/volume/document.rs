@@ -42,8 +42,8 @@ pub struct VolumeDocument {
     /// Light from everywhere; none when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub environment: Option<Environment>,
-    /// Voxels of the cached light along each axis: N, or [x, y, z]; half of those of the extinction, from
-    /// 16 to 64, when not given.
+    /// Voxels of the cached light along each axis: N, or [x, y, z]. When not given, as many as the extinction has for suns (at
+    /// most 128), and half as many for the environment (from 16 to 64).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_size: Option<GridSize>,
     /// Radiance behind the volume; the environment when not given.
@@ -185,6 +185,9 @@ impl VolumeDocument {
             if !is_usual {
                 return Err(Flaw::new(path, "the bounds of a volume's properties are given by `bounds`"));
             }
+        }
+        if self.solve.fill {
+            return Err(Flaw::new("solve.fill", "only light maps can be filled; leave it away"));
         }
         let solve = self.solve.build(scene::Basis::Nearest).at("solve")?;
         let extinction = self.extinction.build().at("extinction")?;

@@ -242,3 +242,89 @@ fn views_can_come_from_a_transforms_file() {
     let (a, b) = (read("by_scene/extinction.npy"), read("by_file/extinction.npy"));
     assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-4), "the same cameras, the same volume");
 }
+
+#[test]
+fn surfaces_stand_before_and_behind_the_volume() {
+    let mut scene = scene();
+    scene["occluders"] = json!([
+        { "plane": { "center": [0.0, 0.0, -1.2], "sides": [[6, 0, 0], [0, 6, 0]], "albedo": [0.2, 0.6, 0.2] } },
+        { "box": { "center": [-0.6, 0.0, 1.5], "size": [0.8, 3.0, 0.1], "albedo": 0.7 } }
+    ]);
+    let desk = Desk::with(&scene);
+    desk.done(&["render", "scene.json", "-q", "-o", "seen"]);
+    let picture = unscatter::io::image::read_image(&desk.path("seen/front.exr")).unwrap();
+    let [r, g, b] = picture.at(29, 3);
+    assert!(g > 1.5 * r && g > 1.5 * b, "the wall is green where nothing is before it: {r} {g} {b}");
+    let [r, g, b] = picture.at(6, 15);
+    assert!(r > 0.01 && g < 1.5 * r && b > 0.5 * r, "the box before everything is not: {r} {g} {b}");
+    // What is behind the box is no row.
+    let plan =
+        |desk: &Desk| desk.done(&["plan", "scene.json", "--json", "-q"]).json()[0]["rows"].as_u64().unwrap();
+    assert!(plan(&desk) < plan(&super::desk()), "the box hides voxels");
+    desk.done(&["volume", "scene.json", "-q", "-o", "out", "--turntable", "0"]);
+    let residual = desk.json("out/report.json")["weighted_residual"].clone();
+    assert!(residual["after"].as_f64() < residual["before"].as_f64(), "{residual}");
+}
+
+#[test]
+fn bent_rays_serve_every_property_and_the_report_says_what_a_step_costs() {
+    for find in ["joint", "extinction"] {
+        let mut scene = scene_with("/find", json!(find));
+        scene["background"] = json!(1.0);
+        scene["volume"]["refraction"] = json!({ "index": { "made": {
+            "shapes": [{ "sphere": { "center": [0, 0, 0], "radius": 0.6 } }],
+            "inside": 1.3, "outside": 1.0, "edge": 0.5
+        } } });
+        let desk = Desk::with(&scene);
+        desk.done(&["volume", "scene.json", "-q", "-o", "out", "--turntable", "0"]);
+        let report = desk.json("out/report.json");
+        let residual = &report["weighted_residual"];
+        assert!(residual["after"].as_f64() < residual["before"].as_f64(), "{find}: {residual}");
+        let words = report["settings"]["refraction"].as_str().unwrap();
+        assert!(words.contains("Euler steps") && words.contains("on average"), "{words}");
+        let checked = desk.done(&["check", "scene.json", "-q"]).out;
+        assert!(!checked.contains("BROKEN"), "{checked}");
+    }
+}
+
+#[test]
+fn sixteen_bits_change_a_solve_by_their_rounding_alone() {
+    let desk = desk();
+    desk.done(&["volume", "scene.json", "-q", "--find", "emission", "--turntable", "0", "-o", "wide"]);
+    let half = "volume.extinction.half=true";
+    desk.done(&[
+        "volume",
+        "scene.json",
+        "-q",
+        "--find",
+        "emission",
+        "--turntable",
+        "0",
+        "--set",
+        half,
+        "-o",
+        "half",
+    ]);
+    let read = |name: &str| unscatter::io::npy::read_f32(&desk.path(name)).unwrap().1;
+    let (wide, half) = (read("wide/emission.npy"), read("half/emission.npy"));
+    let norm =
+        |values: &mut dyn Iterator<Item = f32>| values.map(|v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+    let apart = norm(&mut wide.iter().zip(&half).map(|(a, b)| a - b)) / norm(&mut wide.iter().copied());
+    assert!(apart > 0.0 && apart < 5e-3, "{apart}");
+}
+
+#[test]
+fn a_stronger_pull_keeps_emission_and_albedo_nearer_to_their_start() {
+    let desk = desk();
+    let emitted = |pull: &str, name: &str| {
+        let set = format!("pull={pull}");
+        desk.done(&["volume", "scene.json", "-q", "--turntable", "0", "--set", &set, "-o", name]);
+        let (_, emission) =
+            unscatter::io::npy::read_f32(&desk.path(&format!("{name}/emission.npy"))).unwrap();
+        emission.iter().map(|&value| f64::from(value)).sum::<f64>()
+    };
+    let one = emitted(r#"{"emission": 1, "albedo": 1}"#, "one");
+    let both = emitted(r#"{"emission": 100, "albedo": 100}"#, "both");
+    let emission_alone = emitted(r#"{"emission": 100, "albedo": 1}"#, "emission");
+    assert!(both < 0.9 * one && emission_alone < 0.9 * one, "{one} {both} {emission_alone}");
+}

@@ -1,0 +1,323 @@
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::fixed::{Fixed, Row, wanted_pixels};
+use super::optics::open_rays;
+use super::renderer::is_grey;
+use super::searched::Searched;
+use super::{Desired, Model, Optics, VolumeOperator};
+use crate::cpu::{Transport, WalkPlan};
+use crate::march::{Part, Quantity, Traversal, VolumeTraversal, Weight};
+use crate::operator::{Bounds, CpuVector};
+use crate::problem::{Formulation, Lattice, Start, Steering};
+use crate::scene::{
+    Find, MetricName, Rgb, SolveSettings, Strategy, Volume, VolumeMedium, VolumeScene, VoxelSet,
+};
+use crate::{Error, Result};
+
+/// Pixels that are no rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LeftOut {
+    /// Nothing is wanted of them.
+    pub unwanted: usize,
+    /// Their rays meet nothing that is looked for.
+    pub beside: usize,
+    /// No channel of theirs has a logarithm.
+    pub without_logarithm: usize,
+}
+
+/// The wanted pixels of a scene as rows, and voxels as unknowns.
+#[derive(Debug)]
+pub struct VolumeProblem {
+    /// What is looked for.
+    pub find: Find,
+    /// The rows of T.
+    pub traversal: VolumeTraversal,
+    /// b: of emission and albedo the radiance that rows should have from what is looked for alone, of extinction the optical
+    /// depth.
+    pub targets: Vec<Rgb>,
+    /// Weight of each row's squared residual a channel.
+    pub weights: Vec<Rgb>,
+    /// What each element starts from.
+    pub start: Vec<Rgb>,
+    /// Pixels that are no rows.
+    pub left_out: LeftOut,
+    /// Voxels outside the visual hull.
+    pub outside_hull: usize,
+    /// What walking the rows will take.
+    pub plan: WalkPlan,
+    /// Σ w L², L what the rows should show, all told.
+    wanted: [f64; 3],
+    /// The place of each element among the voxels of its grid, one grid behind the other.
+    places: Vec<u32>,
+    size: [usize; 3],
+    bounds: Bounds,
+    steering: Option<Steering>,
+    grey: bool,
+}
+
+impl VolumeProblem {
+    /// The problem of finding one property of a medium, all others as they are.
+    ///
+    /// Errors: [`Error::Empty`] when no wanted ray meets anything that is looked for; [`Error::Value`] for a joint problem
+    /// whose grids differ; those of the visual hull.
+    pub fn new(
+        scene: &VolumeScene,
+        medium: &VolumeMedium,
+        optics: &Optics,
+        desired: &[Desired],
+        find: Find,
+    ) -> Result<Self> {
+        let searched = Searched::new(scene, medium, optics, find)?;
+        let (pixels, unwanted) = wanted_pixels(scene, desired);
+        let rays = open_rays(scene, &pixels);
+        let lengths = optics.lengths(scene, &rays);
+        let rays = rays.until(lengths.into());
+        let all = VolumeTraversal::new(optics.transport(scene, medium), rays, searched.parts.clone());
+        let fixed = Fixed::new(scene, medium, optics, &searched, find);
+        let rows: Vec<Row> = (0..pixels.len())
+            .into_par_iter()
+            .map(|row| {
+                let [view, pixel] = pixels[row];
+                let [r, g, b, weight] = desired[view as usize].pixels[pixel as usize];
+                fixed.row(&all, row, [r, g, b], weight)
+            })
+            .collect();
+        let kept: Vec<usize> = (0..rows.len()).filter(|&row| matches!(rows[row], Row::Kept { .. })).collect();
+        let count = |kind: fn(&Row) -> bool| rows.iter().filter(|row| kind(row)).count();
+        let left_out = LeftOut {
+            unwanted,
+            beside: count(|row| matches!(row, Row::Beside)),
+            without_logarithm: count(|row| matches!(row, Row::NoLogarithm)),
+        };
+        if kept.is_empty() {
+            return Err(nothing_to_solve(find, &left_out));
+        }
+        let (mut targets, mut weights, mut wanted) =
+            (Vec::with_capacity(kept.len()), Vec::with_capacity(kept.len()), [0.0; 3]);
+        for &row in &kept {
+            if let Row::Kept { target, weight, shown } = rows[row] {
+                targets.push(target);
+                weights.push(weight);
+                (0..3).for_each(|c| wanted[c] += f64::from(weight[c]) * f64::from(shown[c]).powi(2));
+            }
+        }
+        let traversal = all.along(all.rays().picked(&kept));
+        let grey = searched.parts.iter().all(|part| is_grey(&traversal, part));
+        let plan = plan(&traversal, grey);
+        let Searched { start, places, size, bounds, steering, outside_hull, .. } = searched;
+        Ok(Self {
+            find,
+            traversal,
+            targets,
+            weights,
+            start,
+            left_out,
+            outside_hull,
+            plan,
+            wanted,
+            places,
+            size,
+            bounds,
+            steering,
+            grey,
+        })
+    }
+
+    /// The model of light under which the property is looked for.
+    pub fn model(scene: &VolumeScene, find: Find) -> Model {
+        match find {
+            Find::Extinction => Model::Constant(scene.extinction.medium_radiance),
+            _ => Model::SingleScattering,
+        }
+    }
+
+    /// What the solver is told: the scene's settings, with the bounds of what is looked for.
+    pub fn settings(scene: &VolumeScene, find: Find) -> SolveSettings {
+        let bounds = match find {
+            Find::Emission | Find::Joint => scene.bounds.emission,
+            Find::Albedo => scene.bounds.albedo,
+            Find::Extinction => scene.bounds.extinction,
+        };
+        // Tiles of 64 voxels cost several times what a row's few voxels do, and save few iterations (docs/volumes.md).
+        let metric = match scene.solve.metric {
+            MetricName::Auto => MetricName::Sqs,
+            metric => metric,
+        };
+        SolveSettings { bounds, metric, ..scene.solve.clone() }
+    }
+
+    /// T, with as much of it kept as a strategy and `budget` bytes allow.
+    ///
+    /// Errors: [`Error::TooLarge`] when all of it must be kept and does not fit.
+    pub fn operator(&self, strategy: Strategy, budget: u64) -> Result<VolumeOperator> {
+        let traversal = self.traversal.clone();
+        Ok(if self.grey {
+            VolumeOperator::Grey(Transport::new(traversal, &self.plan, strategy, budget)?)
+        } else {
+            VolumeOperator::Colored(Transport::new(traversal, &self.plan, strategy, budget)?)
+        })
+    }
+
+    /// The problem as methods solve it.
+    pub fn formulation(&self) -> Formulation<'_> {
+        Formulation {
+            targets: &self.targets,
+            weights: (&self.weights).into(),
+            wanted: self.wanted,
+            start: Start::Each(&self.start),
+            lattice: Lattice { size: &self.size, places: Some(&self.places) },
+            bounds: self.bounds,
+            steering: self.steering,
+            remedy: match self.find {
+                Find::Albedo => "raise the extinction, or the light",
+                _ => "raise the extinction, or use another unit of length",
+            },
+        }
+    }
+
+    /// The problem of at most `rows` of its rows, evenly spread.
+    pub fn sampled(&self, rows: usize) -> Self {
+        let stride = self.targets.len().div_ceil(rows.max(1)).max(1);
+        self.picked(&(0..self.targets.len()).step_by(stride).collect::<Vec<usize>>())
+    }
+
+    /// The same problem with its rows view by view and row by row of their pictures.
+    pub fn in_reading_order(&self) -> Self {
+        let mut order: Vec<usize> = (0..self.targets.len()).collect();
+        order.sort_by_key(|&row| self.traversal.rays().pixel(row));
+        self.picked(&order)
+    }
+
+    /// The problem of some of its rows.
+    fn picked(&self, picked: &[usize]) -> Self {
+        let every = |values: &[Rgb]| picked.iter().map(|&row| values[row]).collect();
+        let traversal = self.traversal.along(self.traversal.rays().picked(picked));
+        Self {
+            targets: every(&self.targets),
+            weights: every(&self.weights),
+            plan: plan(&traversal, self.grey),
+            traversal,
+            start: self.start.clone(),
+            places: self.places.clone(),
+            ..*self
+        }
+    }
+
+    /// The rows with all voxels of all grids for elements, in the order (z, y, x), looked for or not.
+    pub fn over_all_voxels(&self) -> AllVoxels<'_> {
+        AllVoxels(self)
+    }
+
+    /// What all voxels start from, in the order (z, y, x).
+    pub fn all_starts(&self, medium: &VolumeMedium) -> Vec<Rgb> {
+        let volume = |part: &Part| match part.quantity {
+            Quantity::Emission => medium.emission.clone(),
+            Quantity::Albedo(_) => medium.albedo.clone(),
+            Quantity::Extinction => medium.extinction.clone(),
+        };
+        let colors = |part: &Part| {
+            let volume = volume(part);
+            (0..volume.grid().len()).map(|index| volume.color(index)).collect::<Vec<Rgb>>()
+        };
+        self.traversal.parts().iter().flat_map(colors).collect()
+    }
+
+    /// The row weights, one colour a row.
+    pub fn row_weights(&self) -> CpuVector {
+        CpuVector(self.weights.clone())
+    }
+
+    /// Voxels of the grids of all that is looked for.
+    pub fn voxels(&self) -> usize {
+        self.traversal.parts().iter().map(|part| part.grid.len()).sum()
+    }
+
+    /// Voxels along each axis.
+    pub fn size(&self) -> [usize; 3] {
+        self.size
+    }
+
+    /// Bricks of voxels in which nothing is looked for, and all bricks.
+    pub fn empty_bricks(&self) -> [usize; 2] {
+        self.traversal.parts().iter().fold([0, 0], |[empty, all], part| {
+            let [more, others] = part.voxels().empty_bricks();
+            [empty + more, all + others]
+        })
+    }
+
+    /// Whether one weight serves all channels.
+    pub fn is_grey(&self) -> bool {
+        self.grey
+    }
+
+    /// The medium with the elements in place of what they started from.
+    ///
+    /// Errors: [`Error::NonFinite`] naming a voxel.
+    pub fn apply(&self, medium: &VolumeMedium, x: &[Rgb]) -> Result<VolumeMedium> {
+        let mut changed = medium.clone();
+        let mut rest = x;
+        for part in self.traversal.parts() {
+            let (mine, others) = rest.split_at(part.voxels().len());
+            rest = others;
+            let place = match part.quantity {
+                Quantity::Emission => &mut changed.emission,
+                Quantity::Albedo(_) => &mut changed.albedo,
+                Quantity::Extinction => &mut changed.extinction,
+            };
+            *place = Arc::new(replaced(place, part.voxels(), mine)?);
+        }
+        Ok(changed)
+    }
+}
+
+fn plan(traversal: &VolumeTraversal, grey: bool) -> WalkPlan {
+    if grey { WalkPlan::new::<f32, 1>(traversal) } else { WalkPlan::new::<f32, 3>(traversal) }
+}
+
+/// The rows of a problem over all voxels of its grids.
+#[derive(Debug)]
+pub struct AllVoxels<'a>(&'a VolumeProblem);
+
+impl<const C: usize> Traversal<f64, C> for AllVoxels<'_> {
+    fn rows(&self) -> usize {
+        self.0.targets.len()
+    }
+
+    fn elements(&self) -> usize {
+        self.0.voxels()
+    }
+
+    fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
+        self.0.traversal.walk(row, &mut |element, weight| visit(self.0.places[element] as usize, weight));
+    }
+}
+
+/// A volume with the colours of some voxels replaced.
+fn replaced(volume: &Volume, voxels: &VoxelSet, colors: &[Rgb]) -> Result<Volume> {
+    let mut all: Vec<Rgb> = (0..volume.grid().len()).map(|index| volume.color(index)).collect();
+    voxels.indices().iter().zip(colors).for_each(|(&index, &color)| all[index as usize] = color);
+    Volume::of_colors(*volume.grid(), &all)
+}
+
+fn nothing_to_solve(find: Find, left_out: &LeftOut) -> Error {
+    if left_out.without_logarithm > 0 {
+        return Error::Empty {
+            reason: format!(
+                "none of the {} wanted pixels is between the background and the medium's own radiance, so no \
+                 extinction explains them",
+                left_out.without_logarithm
+            ),
+            remedy: "check extinction.medium_radiance and the background",
+        };
+    }
+    Error::Empty {
+        reason: format!(
+            "none of the {} wanted rays meets a voxel whose {} is looked for",
+            left_out.beside,
+            find.name()
+        ),
+        remedy: "check the cameras and volume.to_world",
+    }
+}
