@@ -89,7 +89,7 @@ pub enum Control {
 }
 
 /// Iterations without any progress after which a solve has stagnated.
-const PATIENCE: usize = 50;
+const PATIENCE: usize = 100;
 
 /// The least normal residual so far, and whether there is progress still.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -167,3 +167,17 @@ fn a_start_that_is_the_solution_but_for_rounding_is_kept() {
         assert_eq!(outcome.true_normal_residual[..2], [0.0, 0.0]);
     }
 }
+
+#[test]
+fn a_ripple_of_momentum_is_no_stagnation() {
+    // Near the end the objective no longer tells steps apart, and a restarted method's gradient goes up and down.
+    let (seed, rows, columns) = (9_845_165_538_170_905_592, 18, 16);
+    let dense = Dense::new(random_matrix(rows, columns, seed));
+    let (pull, b) = (Identity::scaled(&dense.domain(), [f64::powi(2.0, -6).sqrt(); 3]), rhs(rows, seed));
+    let stacked = Stacked::new(&dense).over(pull).unwrap();
+    let right = Blocks(vec![b, dense.domain()]);
+    let mut method = Fista::new(&stacked);
+    let problem = LeastSquares::new(&stacked, &right);
+    let outcome = run(&mut method, &problem, &dense.domain(), &Limits::new(8000, 1e-11));
+    assert_eq!(outcome.stop.reason, StopReason::Tolerance, "{:?} {:?}", outcome.stop, outcome.true_normal_residual);
+}
