@@ -179,5 +179,11 @@ fn a_ripple_of_momentum_is_no_stagnation() {
     let mut method = Fista::new(&stacked);
     let problem = LeastSquares::new(&stacked, &right);
     let outcome = run(&mut method, &problem, &dense.domain(), &Limits::new(8000, 1e-11));
-    assert_eq!(outcome.stop.reason, StopReason::Tolerance, "{:?} {:?}", outcome.stop, outcome.true_normal_residual);
+    assert_eq!(
+        outcome.stop.reason,
+        StopReason::Tolerance,
+        "{:?} {:?}",
+        outcome.stop,
+        outcome.true_normal_residual
+    );
 }
