@@ -10,7 +10,8 @@
 //! it copies a long vector. What a product must at least move is counted: kept rows 8 bytes a non-zero, walked ones
 //! 160 bytes a ray, and each vector once; an iteration two products, and each vector of the method read and written once.
 //! Rays through volumes are in tiles of 8 × 8 pixels, as the command has them.
-#![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
+#![allow(missing_docs, clippy::unwrap_used, reason = "a bench that cannot go on should stop")]
+#![allow(clippy::print_stdout, reason = "figures are what it is for")]
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -18,7 +19,7 @@ use std::time::Instant;
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use unscatter::Result;
 use unscatter::cpu::{Rows, Transport as CpuTransport, WalkPlan};
-use unscatter::gpu::{Choice, Gpu, GpuVector, Kept, RowTable, Transport, Walked, WalkedVolume};
+use unscatter::gpu::{Choice, Gpu, GpuVector, Kept, RowTable, Transport, Walked};
 use unscatter::march::{
     Density, LightMapTransport, LightMapTraversal, Part, PixelRays, Quantity, Traversal, ViewRay,
     VolumeTransport, VolumeTraversal,
@@ -204,8 +205,8 @@ fn volume(gpu: &Gpu) {
         let traversal = blob(basis);
         let (rows, elements) = (traversal.rays().len(), traversal.parts()[0].voxels().len());
         let walked = |deterministic| {
-            let walked = WalkedVolume::new(gpu, &traversal, false, deterministic).unwrap();
-            Transport::Volume(Box::new(walked))
+            let walked = Walked::volume(gpu, &traversal, false, deterministic).unwrap();
+            Transport::Walked(walked)
         };
         let kept = || {
             let (table, _) = table(&traversal, &WalkPlan::new::<f32, 1>(&traversal));
@@ -278,8 +279,8 @@ fn main() {
         for (name, gpu, deterministic) in
             [("walked", &gpu, false), ("walked, near", &near, false), ("walked, fixed", &gpu, true)]
         {
-            let walked = Walked::new(gpu, &traversal, false, deterministic).unwrap();
-            ways.push((name, Transport::Walked(Box::new(walked))));
+            let walked = Walked::light_map(gpu, &traversal, false, deterministic).unwrap();
+            ways.push((name, Transport::Walked(walked)));
         }
         for (name, operator) in ways {
             let (mut x, mut y) = (operator.domain(), operator.range());

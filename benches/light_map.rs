@@ -2,7 +2,7 @@
 //!
 //! `citadel` is the demo scene, built and solved as the command does it. `paper-size` is an open field of pillars whose
 //! rays are lit for longer; it also times walking and keeping T, and each product.
-#![allow(missing_docs, clippy::unwrap_used)]
+#![allow(missing_docs, clippy::unwrap_used, reason = "a bench that cannot go on should stop")]
 
 use std::hint::black_box;
 use std::sync::Arc;

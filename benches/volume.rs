@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --bench volume [-- dense|trilinear]`; times are medians.
 
-#![allow(missing_docs, clippy::print_stdout)]
+#![allow(missing_docs, clippy::print_stdout, reason = "figures are what it is for")]
 
 use std::sync::Arc;
 use std::time::Instant;

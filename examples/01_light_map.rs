@@ -3,7 +3,7 @@
 //! What one learns: a scene is plain data (light, medium, geometry, views with strokes); [`LightMapProblem`] turns it
 //! into rows and targets; `solve` finds the light map; [`Assessor`] says how well it does; `render` draws with it.
 
-#![allow(clippy::print_stdout)]
+#![allow(clippy::print_stdout, reason = "an example says what it does")]
 
 use std::path::PathBuf;
 

@@ -5,7 +5,7 @@
 //! least-squares problem; [`drive`] runs a method on it; and the explicit matrix of the same traversal, an operator
 //! like any other, says whether all that was right.
 
-#![allow(clippy::print_stdout)]
+#![allow(clippy::print_stdout, reason = "an example says what it does")]
 
 use std::path::PathBuf;
 use std::sync::Arc;

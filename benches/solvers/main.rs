@@ -3,7 +3,8 @@
 //! `cargo bench --bench solvers` prints the tables of docs/solvers.md. The residual is the norm of the projected gradient
 //! (without bounds: of the gradient) in the worst channel, relative to the start, computed from the true residual outside
 //! of what is counted and timed.
-#![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
+#![allow(missing_docs, clippy::unwrap_used, reason = "a bench that cannot go on should stop")]
+#![allow(clippy::print_stdout, reason = "figures are what it is for")]
 
 mod gradient_descent;
 mod race;

@@ -3,7 +3,7 @@
 //! What one learns: how to make a scene file with the library's own types, how to load it, and how to ask its
 //! geometry and cameras where light is seen, here to paint strokes along the shafts. Every run writes the same bytes.
 
-#![allow(clippy::print_stdout)]
+#![allow(clippy::print_stdout, reason = "an example says what it does")]
 
 use std::error::Error;
 use std::ops::RangeInclusive;

@@ -51,21 +51,8 @@ struct Ray {
     pad: vec2<f32>,
 }
 
-// Which rows are walked, and which elements are bound.
-struct Pass {
-    // Rows to walk; the first row of the bound y, and from one channel of y to the next.
-    rows: u32,
-    y_first: u32,
-    y_stride: u32,
-    // The first bound channel.
-    channel: u32,
-    // The first bound element of x, how many there are, and from one channel of x to the next.
-    x_first: u32,
-    x_len: u32,
-    x_stride: u32,
-    // Whether slabs of x have been here before.
-    again: u32,
-}
+// What the unknown has at an element.
+alias Cell = vec2<i32>;
 
 struct Piece {
     cell: vec2<i32>,
@@ -73,7 +60,6 @@ struct Piece {
     change: vec2<f32>,
 }
 
-@group(0) @binding(0) var<uniform> parameters: Pass;
 @group(1) @binding(2) var<uniform> transport: Transport;
 @group(2) @binding(0) var<storage, read> rays: array<Ray>;
 

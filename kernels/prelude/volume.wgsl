@@ -5,23 +5,9 @@
 // EXTINCTION walks the bricks of the unknown that have elements. Else those of the medium are walked, and NESTED in each piece the
 // unknown's own grid.
 
-// Which rows are walked, and which elements are bound.
-struct Pass {
-    // Rows to walk; the first row of the bound y, and from one channel of y to the next.
-    rows: u32,
-    y_first: u32,
-    y_stride: u32,
-    // The first bound channel.
-    channel: u32,
-    // The number that the first bound element of x has among those of this quantity (it wraps), how many there are, and from
-    // one channel of x to the next.
-    x_first: u32,
-    x_len: u32,
-    x_stride: u32,
-    again: u32,
-}
+// What the unknown has at an element.
+alias Cell = vec3<i32>;
 
-@group(0) @binding(0) var<uniform> parameters: Pass;
 // One track a row, NESTED two.
 @group(2) @binding(0) var<storage, read> tracks: array<Track>;
 

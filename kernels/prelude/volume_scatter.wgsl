@@ -8,7 +8,7 @@ fn group_scale() -> f32 {
     return 1.0;
 }
 
-fn visit(voxel: vec3<i32>, weight: Weight) {
+fn visit(voxel: Cell, weight: Weight) {
     let e = local_element(voxel);
     if e >= parameters.x_len {
         return;

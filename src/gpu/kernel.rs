@@ -130,12 +130,11 @@ impl Kernel {
             Self::LargestBits => file!("largest_bits"),
             Self::FixedScale => file!("fixed_scale"),
             Self::FixedFinish => file!("fixed_finish"),
-            Self::LightMap(Consumer::Gather, _) => file!("light_map_gather"),
-            Self::LightMap(Consumer::Scatter(_), _) => file!("light_map_scatter"),
-            Self::LightMap(Consumer::Squares(_), _) => file!("light_map_squares"),
-            Self::Volume(Consumer::Gather, _) => file!("volume_gather"),
-            Self::Volume(Consumer::Scatter(_), _) => file!("volume_scatter"),
-            Self::Volume(Consumer::Squares(_), _) => file!("volume_squares"),
+            Self::LightMap(consumer, _) | Self::Volume(consumer, _) => match consumer {
+                Consumer::Gather => file!("gather"),
+                Consumer::Scatter(_) => file!("scatter"),
+                Consumer::Squares(_) => file!("squares"),
+            },
             Self::Rows { .. } => file!("rows"),
             Self::Tiles { .. } => file!("tiles"),
         }
@@ -166,9 +165,10 @@ impl Kernel {
                     text!("prelude/exponential"),
                     if walk.bilinear { text!("prelude/bilinear") } else { text!("prelude/nearest") },
                     text!("prelude/visibility"),
+                    text!("prelude/pass"),
                     text!("prelude/light_map"),
                 ];
-                texts.extend(consumer.deposits(text!("prelude/scatter")));
+                texts.extend(consumer.deposits(text!("prelude/light_map_scatter")));
                 texts
             }
             Self::Volume(consumer, walk) => {
@@ -182,6 +182,7 @@ impl Kernel {
                     } else {
                         text!("prelude/volume_nearest")
                     },
+                    text!("prelude/pass"),
                     text!("prelude/volume"),
                 ];
                 texts.extend(consumer.deposits(text!("prelude/volume_scatter")));
@@ -391,7 +392,6 @@ pub fn kernel_texts() -> Vec<KernelText> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, clippy::panic)]
 mod tests {
     use std::mem::offset_of;
 
@@ -536,7 +536,7 @@ mod tests {
             gather,
             "Pass",
             layout::Pass,
-            [rows, y_first, y_stride, channel, x_first, x_len, x_stride, again]
+            [rows, y_first, y_stride, channel, x_first, x_len, x_stride, pad]
         );
         let walk = VolumeWalk {
             extinction: false,
@@ -564,7 +564,7 @@ mod tests {
             volume,
             "Pass",
             layout::Pass,
-            [rows, y_first, y_stride, channel, x_first, x_len, x_stride, again]
+            [rows, y_first, y_stride, channel, x_first, x_len, x_stride, pad]
         );
         same_layout!(Kernel::FixedScale, "Scale", layout::Scale, [begin, pieces, row_sums]);
         let rows = Kernel::Rows { colored: false, channels: 3, squared: false, sharers: 8 };

@@ -120,7 +120,7 @@ pub(super) struct Volume {
     pub(super) light: [Light; LIGHTS],
 }
 
-/// `Pass` of kernels/prelude/light_map.wgsl and volume.wgsl.
+/// `Pass` of kernels/prelude/pass.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(super) struct Pass {
@@ -131,7 +131,7 @@ pub(super) struct Pass {
     pub(super) x_first: u32,
     pub(super) x_len: u32,
     pub(super) x_stride: u32,
-    pub(super) again: u32,
+    pub(super) pad: u32,
 }
 
 /// `Scale` of kernels/fixed_scale.wgsl.

@@ -30,7 +30,7 @@ pub(super) fn walkings(
             if begin >= end {
                 continue;
             }
-            for (again, of_x) in (0u32..).zip(x.slabs(channels)) {
+            for of_x in x.slabs(channels) {
                 let pass = Pass {
                     rows: (end - begin) as u32,
                     y_first: (begin - of_y.first) as u32,
@@ -39,7 +39,7 @@ pub(super) fn walkings(
                     x_first: of_x.first as u32,
                     x_len: of_x.len as u32,
                     x_stride: x.stride as u32,
-                    again,
+                    pad: 0,
                 };
                 all.push(Walking { slab, rows: begin - first..end - first, of_y, of_x, pass });
             }

@@ -1,7 +1,6 @@
-use super::light_map::Walked;
 use super::rows::Kept;
 use super::vector::GpuVector;
-use super::volume::WalkedVolume;
+use super::walked::Walked;
 use crate::Result;
 use crate::operator::LinearOperator;
 
@@ -10,10 +9,8 @@ use crate::operator::LinearOperator;
 pub enum Transport {
     /// Rows and columns of non-zeros.
     Kept(Kept),
-    /// Rays over a light map.
-    Walked(Box<Walked>),
-    /// Rays through volumes.
-    Volume(Box<WalkedVolume>),
+    /// Rays.
+    Walked(Walked),
 }
 
 impl Transport {
@@ -24,7 +21,6 @@ impl Transport {
         match self {
             Self::Kept(kept) => kept.squares(y, x),
             Self::Walked(walked) => walked.squares(y, x),
-            Self::Volume(walked) => walked.squares(y, x),
         }
     }
 }
@@ -37,7 +33,6 @@ impl LinearOperator for Transport {
         match self {
             Self::Kept(kept) => kept.domain(),
             Self::Walked(walked) => walked.domain(),
-            Self::Volume(walked) => walked.domain(),
         }
     }
 
@@ -45,7 +40,6 @@ impl LinearOperator for Transport {
         match self {
             Self::Kept(kept) => kept.range(),
             Self::Walked(walked) => walked.range(),
-            Self::Volume(walked) => walked.range(),
         }
     }
 
@@ -53,7 +47,6 @@ impl LinearOperator for Transport {
         match self {
             Self::Kept(kept) => kept.apply(x, y),
             Self::Walked(walked) => walked.apply(x, y),
-            Self::Volume(walked) => walked.apply(x, y),
         }
     }
 
@@ -61,7 +54,6 @@ impl LinearOperator for Transport {
         match self {
             Self::Kept(kept) => kept.apply_adjoint(y, x),
             Self::Walked(walked) => walked.apply_adjoint(y, x),
-            Self::Volume(walked) => walked.apply_adjoint(y, x),
         }
     }
 }

@@ -360,7 +360,6 @@ fn format_error(path: &Path, reason: String) -> Error {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, clippy::panic)]
 mod tests {
     use proptest::prelude::*;
 

@@ -143,7 +143,6 @@ pub(super) fn rows_of_affine(transform: &DAffine3) -> [[f64; 4]; 4] {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

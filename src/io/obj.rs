@@ -129,7 +129,6 @@ fn reason(error: &LoadError) -> String {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -46,7 +46,6 @@ fn temporary_beside(path: &Path) -> std::io::Result<NamedTempFile> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use std::io::{Seek, SeekFrom};
 

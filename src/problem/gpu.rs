@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use super::transport::{brought, fetched};
 use super::{HostOperator, LightMapProblem, TransportOperator, VolumeProblem};
 use crate::cpu::{self, Storage, TileMetric, Tiling, WalkPlan};
-use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, RowTable, Transport, Walked, WalkedVolume};
+use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, RowTable, Transport, Walked};
 use crate::march::{LightMapTraversal, Traversal, VolumeTraversal, Weight};
 use crate::operator::{CpuVector, LinearOperator, Metric};
 use crate::scene::Strategy;
@@ -49,7 +49,7 @@ impl GpuOperator<LightMapTraversal> {
             },
             (strategy, budget),
             &|strategy, budget| problem.operator_with(strategy, budget),
-            || Ok(Transport::Walked(Box::new(Walked::new(gpu, &problem.traversal, colored, deterministic)?))),
+            || Walked::light_map(gpu, &problem.traversal, colored, deterministic),
         )
     }
 }
@@ -77,10 +77,7 @@ impl GpuOperator<VolumeTraversal> {
             &size,
             (strategy, budget),
             &|strategy, budget| problem.operator(strategy, budget),
-            || {
-                let walked = WalkedVolume::new(gpu, &problem.traversal, !problem.is_grey(), deterministic)?;
-                Ok(Transport::Volume(Box::new(walked)))
-            },
+            || Walked::volume(gpu, &problem.traversal, !problem.is_grey(), deterministic),
         )
     }
 }
@@ -99,7 +96,7 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
         size: &Rows,
         (strategy, budget): (Strategy, u64),
         host: &dyn Fn(Strategy, u64) -> Result<HostOperator<T>>,
-        walk: impl FnOnce() -> Result<Transport>,
+        walk: impl FnOnce() -> Result<Walked>,
     ) -> Result<Self> {
         let bytes = Kept::bytes(size.plan.nonzeros, size.count, size.elements, size.channels);
         let keep = || -> Result<_> {
@@ -139,7 +136,7 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
             }
             None => {
                 let storage = Storage { walked_rows: size.count, ..Storage::default() };
-                (walk()?, host(Strategy::MatrixFree, 0)?, storage)
+                (Transport::Walked(walk()?), host(Strategy::MatrixFree, 0)?, storage)
             }
         };
         Ok(Self { gpu: gpu.clone(), transport, rows, storage })
@@ -150,7 +147,6 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
         match &self.transport {
             Transport::Kept(_) => true,
             Transport::Walked(walked) => walked.accumulation() == Accumulation::Fixed,
-            Transport::Volume(walked) => walked.accumulation() == Accumulation::Fixed,
         }
     }
 }

@@ -296,7 +296,6 @@ fn join(name: &str, rest: &str) -> String {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, clippy::panic)]
 mod tests {
     use super::super::example;
     use super::*;

@@ -253,7 +253,6 @@ fn polyline(curve: &Curve, color: &str, frame: &Frame) -> String {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::super::example;
     use super::*;

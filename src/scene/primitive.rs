@@ -209,7 +209,6 @@ fn cylinder(from: DVec3, to: DVec3, axis: DVec3, radius: f64) -> Mesh {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -4,8 +4,6 @@
 //! `VDB_PYTHON` names the Python that has it, `VDB_RECOMPRESS` the program of `fixtures/vdb/recompress.cpp`, where it
 //! is built: then files in every way of packing are compared too.
 
-#![allow(clippy::unwrap_used, clippy::print_stderr)]
-
 use std::path::Path;
 use std::process::Command;
 

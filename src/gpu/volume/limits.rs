@@ -18,7 +18,10 @@ const REMEDY: &str = "choose the strategy `assembled`, which keeps the rows, or 
 pub(super) fn check(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumulation) -> Result<()> {
     let shared = traversal.transport();
     let lights = traversal.parts().iter().map(lights).max().unwrap_or(0);
-    let problem = if shared.refraction.is_some() {
+    let scatters = |part: &Part| matches!(part.quantity, Quantity::InScattered(_));
+    let problem = if traversal.parts().iter().any(scatters) {
+        "walks volumes in a light that is known, and it is looked for".to_owned()
+    } else if shared.refraction.is_some() {
         "walks straight rays only, and these are bent".to_owned()
     } else if shared.quadrature != Quadrature::Exact {
         "takes the integrals of volumes exactly, and a march was asked for".to_owned()

@@ -177,7 +177,7 @@ fn tracks(
         }
         let second = if nested { inner.track(&ray, stretch) } else { Track::default() };
         let sum = match part.quantity {
-            Quantity::Emission => 1.0,
+            Quantity::Emission | Quantity::InScattered(_) => 1.0,
             Quantity::Albedo(_) => factors.iter().zip(&radiance).map(|(f, l)| f64::from(*f) * l).sum(),
             Quantity::Extinction => stretch.metres(),
         };

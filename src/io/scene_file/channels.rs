@@ -280,7 +280,6 @@ impl JsonSchema for Paint {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -63,7 +63,6 @@ fn normalized(lux: Rgb) -> Built<Rgb> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -159,7 +159,6 @@ fn matches_key(raw: &[u8], name: &str) -> bool {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

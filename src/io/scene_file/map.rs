@@ -176,7 +176,6 @@ impl JsonSchema for MapSize {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::super::flaw::Flaw;
     use super::*;

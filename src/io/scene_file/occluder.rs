@@ -239,7 +239,6 @@ fn is_default_albedo(albedo: &Channels) -> bool {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

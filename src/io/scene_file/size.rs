@@ -119,7 +119,6 @@ impl JsonSchema for MemorySize {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -266,7 +266,6 @@ same_names!(MetricName, MetricName: Auto, Tiles, Sqs, Jacobi, None);
 same_names!(Strategy, Strategy: Auto, Assembled, MatrixFree);
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -1,5 +1,4 @@
 //! Laws of scene files as a whole: what is loaded, what is refused and where, and that nothing panics.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::path::Path;
 

@@ -130,7 +130,6 @@ fn invertible(transform: DAffine3) -> Built<DAffine3> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

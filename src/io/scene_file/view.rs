@@ -285,7 +285,6 @@ fn length([x, y]: [f64; 2]) -> f64 {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -19,7 +19,6 @@ mod sink;
 mod source;
 mod sparse;
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests;
 mod transform;
 mod tree;

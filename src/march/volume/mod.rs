@@ -4,6 +4,7 @@ mod cells;
 mod density;
 mod light;
 mod path;
+mod sink;
 mod window;
 
 use std::ops::ControlFlow;
@@ -14,9 +15,10 @@ pub use light::{InScattering, LitVolume};
 pub use path::{PixelRays, Refraction};
 
 use super::{Traversal, Weight, exponential};
-use crate::scene::{Interpolation, Quadrature, VoxelGrid, VoxelSet};
+use crate::scene::{Interpolation, Quadrature, Volume, VoxelGrid, VoxelSet};
 pub(crate) use cells::{CellRay, Line};
 use density::Depth;
+use sink::{Lit, Scattered, Sink, merged};
 use window::{Nearest, Trilinear, Window};
 
 /// What a weight is the weight of.
@@ -28,6 +30,9 @@ pub enum Quantity {
     Albedo(Arc<InScattering>),
     /// Extinction σ_t: ∫ v dt (Klehm 2015, eq. 7.13).
     Extinction,
+    /// What arrives and is scattered, L_scat, for an albedo that is known: ∫ T_r σ_t ρ v dt, v trilinear between the centres of
+    /// the cached light whatever the basis is (Klehm 2015, sec. 7.4.3).
+    InScattered(Arc<Volume>),
 }
 
 /// Unknowns of one quantity: some voxels of a grid.
@@ -37,6 +42,8 @@ pub struct Part {
     pub quantity: Quantity,
     /// Where the voxels lie.
     pub grid: VoxelGrid,
+    /// What lies between them.
+    basis: Interpolation,
     /// Which of them are elements.
     voxels: Arc<VoxelSet>,
     /// The cells of the basis that any of them reaches into.
@@ -47,11 +54,15 @@ impl Part {
     /// Elements are the voxels of a set.
     pub fn new(quantity: Quantity, grid: VoxelGrid, voxels: Arc<VoxelSet>, basis: Interpolation) -> Self {
         debug_assert_eq!(grid.size(), voxels.size());
+        let basis = match quantity {
+            Quantity::InScattered(_) => Interpolation::Trilinear,
+            _ => basis,
+        };
         let cells = match basis {
             Interpolation::Nearest => voxels.clone(),
             Interpolation::Trilinear => Arc::new(voxels.cells_between()),
         };
-        Self { quantity, grid, voxels, cells }
+        Self { quantity, grid, basis, voxels, cells }
     }
 
     /// Which voxels are elements, in the order of their numbers.
@@ -157,10 +168,10 @@ impl VolumeTraversal {
 
     /// Whether a row may have a weight at all: whether it meets the brick of an element before its end.
     pub fn meets_elements(&self, row: usize) -> bool {
-        let shift = self.transport.basis.cells().0;
         let mut meets = false;
         self.each_line(row, |line, a, b| {
             meets = self.parts.iter().any(|part| {
+                let shift = part.basis.cells().0;
                 let cells = CellRay::new(line, &part.grid, shift);
                 let high = part.grid.size().map(|side| side as f64 + shift);
                 cells.clip(shift, high, a, b).is_some_and(|[a, b]| {
@@ -186,16 +197,13 @@ impl VolumeTraversal {
         part: &Part,
         visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
     ) -> Weight<f64, C> {
-        if self.transport.refraction.is_some() {
-            // A bent ray may come back to a voxel.
-            let mut seen: Vec<([usize; 3], Weight<f64, C>)> = Vec::new();
+        // A bent ray may come back to a voxel; and so do channels that are sampled at places of their own.
+        let comes_back = self.transport.refraction.is_some()
+            || matches!(part.quantity, Quantity::InScattered(_)) && !self.transport.density.is_grey();
+        if comes_back {
+            let mut seen = Vec::new();
             let left = self.trace_in(row, part, &mut |voxel, weight| seen.push((voxel, weight)));
-            seen.sort_by_key(|&(voxel, _)| part.grid.index(voxel));
-            for same in seen.chunk_by(|a, b| a.0 == b.0) {
-                let mut sum = [0.0; C];
-                same.iter().for_each(|(_, weight)| super::basis::add(&mut sum, *weight));
-                visit(same[0].0, sum);
-            }
+            merged(seen, visit);
             return left;
         }
         self.trace_in(row, part, visit)
@@ -221,50 +229,79 @@ impl VolumeTraversal {
         part: &Part,
         visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
     ) -> Weight<f64, C> {
-        let mut window = W::new(part.grid.size());
         let mut strength = [1.0; C];
+        if let Quantity::InScattered(albedo) = &part.quantity {
+            let mut window = Trilinear::new(part.grid.size());
+            self.each_line(row, |line, a, b| {
+                let sink = Scattered {
+                    albedo,
+                    basis: self.transport.basis,
+                    in_light: CellRay::new(line, &part.grid, Trilinear::<C>::SHIFT),
+                    in_albedo: CellRay::new(line, albedo.grid(), 0.0),
+                    size: part.grid.size(),
+                    is_grey: self.transport.density.is_grey(),
+                    window: &mut window,
+                    visit,
+                };
+                self.attenuated::<C, W>((line, [a, b]), albedo.grid(), &mut strength, sink)
+            });
+            window.finish(visit);
+            return strength;
+        }
+        let mut window = W::new(part.grid.size());
         self.each_line(row, |line, a, b| {
-            match (&part.quantity, self.transport.quadrature) {
-                (Quantity::Extinction, Quadrature::Exact) => lengths(line, a, b, part, &mut window, visit),
-                (_, Quadrature::Exact) => {
-                    self.attenuated(line, a, b, part, &mut strength, &mut window, visit)
+            if let Quantity::Extinction = part.quantity {
+                match self.transport.quadrature {
+                    Quadrature::Exact => lengths((line, [a, b]), part, &mut window, visit),
+                    Quadrature::March { steps } => {
+                        march_lengths((line, [a, b]), steps, part, &mut window, visit);
+                    }
                 }
-                (_, Quadrature::March { steps }) => {
-                    self.march(line, [a, b], steps, part, &mut strength, &mut window, visit);
-                }
+                return true;
             }
-            strength.iter().any(|&left| left > self.transport.transmittance_bound)
+            let light = match &part.quantity {
+                Quantity::Albedo(light) => Some(light.along(line)),
+                _ => None,
+            };
+            let sink = Lit { light: light.as_deref(), window: &mut window, visit };
+            self.attenuated::<C, W>((line, [a, b]), &part.grid, &mut strength, sink)
         });
         window.finish(visit);
         strength
     }
 
-    /// Adds the weights of emission or albedo along a line: exact for emission; for albedo where light is linear along each piece
-    /// in a cell, or cubic in trilinear cells.
+    /// Takes the samples of what is emitted or scattered along a line, in the cells of `grid`; whether the ray goes on.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)]
     fn attenuated<const C: usize, W: Window<C>>(
         &self,
-        line: &Line,
-        a: f64,
-        b: f64,
-        part: &Part,
+        stretch: (&Line, [f64; 2]),
+        grid: &VoxelGrid,
         strength: &mut Weight<f64, C>,
-        window: &mut W,
-        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+        sink: impl Sink<C>,
+    ) -> bool {
+        match self.transport.quadrature {
+            Quadrature::Exact => self.integrate::<C, W>(stretch, grid, strength, sink),
+            Quadrature::March { steps } => self.march::<C, W>(stretch, steps, grid, strength, sink),
+        }
+        strength.iter().any(|&left| left > self.transport.transmittance_bound)
+    }
+
+    /// Exact for emission; for what is scattered where light is linear along each piece in a cell, or cubic in trilinear cells.
+    #[inline(always)]
+    fn integrate<const C: usize, W: Window<C>>(
+        &self,
+        (line, [a, b]): (&Line, [f64; 2]),
+        grid: &VoxelGrid,
+        strength: &mut Weight<f64, C>,
+        mut sink: impl Sink<C>,
     ) {
         let density = &*self.transport.density;
-        let light = match &part.quantity {
-            Quantity::Albedo(light) => Some(light.along(line)),
-            _ => None,
-        };
-        let lit = |t: f64, weight: Weight<f64, C>| lit(light.as_deref(), t, weight);
-        let cells = CellRay::new(line, &part.grid, W::SHIFT);
-        let size = part.grid.size();
+        let cells = CellRay::new(line, grid, W::SHIFT);
+        let size = grid.size();
         let (high, last) = (size.map(|side| side as f64 + W::SHIFT), size.map(|side| side + W::EXTRA - 1));
         // Cells of the medium are those of the basis, and its density is constant in cells where the basis is.
         let alike = density.interpolation().cells() == (W::SHIFT, W::EXTRA);
-        let shared = alike && part.grid == *density.grid();
+        let shared = alike && grid == density.grid();
         let is_constant = W::CONSTANT && alike;
         density.each_piece::<C>(line, a, b, |cell, a, b, depth| {
             let entering = *strength;
@@ -278,13 +315,11 @@ impl VolumeTraversal {
                 if is_constant {
                     let tau = depth.slope(0.0).map(|slope| slope * (to - from));
                     let weight = super::basis::times(strength, tau.map(exponential::extinguished));
-                    let place = |c: usize| start + (end - start) * mean_place(tau[c]);
-                    window.sample(cell, [0.0; 3], lit_at(light.as_deref(), place, weight), visit);
+                    sink.piece(cell, |c| start + (end - start) * mean_place(tau[c]), weight);
                 } else {
                     nodes(depth, from, to, |u, weight| {
                         let t = a + u * (b - a);
-                        let weight = super::basis::times(strength, weight);
-                        window.sample(cell, cells.at(t), lit(t, weight), visit);
+                        sink.node(cell, cells.at(t), t, super::basis::times(strength, weight));
                     });
                 }
             };
@@ -308,59 +343,30 @@ impl VolumeTraversal {
         });
     }
 
-    /// Adds the weights of the papers' march: equal steps from where the ray meets the grid, each worth its midpoint
-    /// (Klehm 2015, listing 7.1, with the sign and the step length that it leaves out).
-    #[allow(clippy::too_many_arguments)]
+    /// The papers' march: equal steps from where the ray meets the medium, each worth its midpoint (Klehm 2015, listing 7.1,
+    /// with the sign and the step length that it leaves out).
     fn march<const C: usize, W: Window<C>>(
         &self,
-        line: &Line,
-        [a, b]: [f64; 2],
+        (line, [a, b]): (&Line, [f64; 2]),
         steps: u32,
-        part: &Part,
+        grid: &VoxelGrid,
         strength: &mut Weight<f64, C>,
-        window: &mut W,
-        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+        mut sink: impl Sink<C>,
     ) {
-        let is_extinction = matches!(part.quantity, Quantity::Extinction);
         let density = &*self.transport.density;
-        let grid = if is_extinction { &part.grid } else { density.grid() };
-        let corners = grid.corners();
-        let step = (corners[7] - corners[0]).length() / f64::from(steps);
-        let through = CellRay::new(line, grid, 0.0);
-        let Some([enter, leave]) = through.clip(0.0, grid.size().map(|side| side as f64), a, b) else {
-            return;
-        };
-        let light = match &part.quantity {
-            Quantity::Albedo(light) => Some(light.along(line)),
-            _ => None,
-        };
-        let size = part.grid.size();
-        let cells = CellRay::new(line, &part.grid, W::SHIFT);
-        let high = size.map(|side| side as f64 + W::SHIFT);
-        let count = ((leave - enter) / step).ceil();
-        for j in 0..count as u32 {
-            let start = enter + f64::from(j) * step;
-            let length = step.min(leave - start);
-            let t = start + 0.5 * length;
+        let cells = CellRay::new(line, grid, W::SHIFT);
+        let high = grid.size().map(|side| side as f64 + W::SHIFT);
+        each_step(line, [a, b], steps, density.grid(), |t, length| {
+            let sigma_t = density.at(line.origin + line.direction * t);
+            let gone = std::array::from_fn(|c| exponential::extinguished(sigma_t[c] * length));
+            let weight = super::basis::times(*strength, gone);
+            (0..C).for_each(|c| strength[c] -= weight[c]);
             let at = cells.at(t);
-            let is_inside = (0..3).all(|axis| at[axis] >= W::SHIFT && at[axis] < high[axis]);
-            let cell = at.map(|x| x as usize);
-            let weight = if is_extinction {
-                [length; C]
-            } else {
-                let sigma_t = density.at(line.origin + line.direction * t);
-                let gone = std::array::from_fn(|c| exponential::extinguished(sigma_t[c] * length));
-                let weight = super::basis::times(*strength, gone);
-                (0..C).for_each(|c| strength[c] -= weight[c]);
-                lit(light.as_deref(), t, weight)
-            };
-            if is_inside && (!is_extinction || part.cells.contains(cell)) {
-                window.sample(cell, at, weight, visit);
+            if (0..3).all(|axis| at[axis] >= W::SHIFT && at[axis] < high[axis]) {
+                sink.node(at.map(|x| x as usize), at, t, weight);
             }
-            if strength.iter().all(|&left| left <= self.transport.transmittance_bound) {
-                return;
-            }
-        }
+            strength.iter().any(|&left| left > self.transport.transmittance_bound)
+        });
     }
 
     /// Visits the straight pieces of a row while `visit` says to go on.
@@ -399,12 +405,51 @@ impl<const C: usize> Traversal<f64, C> for VolumeTraversal {
     }
 }
 
+/// Visits the middles of equal steps of a line through a grid, and their lengths, while `visit` says to go on.
+fn each_step(
+    line: &Line,
+    [a, b]: [f64; 2],
+    steps: u32,
+    grid: &VoxelGrid,
+    mut visit: impl FnMut(f64, f64) -> bool,
+) {
+    let corners = grid.corners();
+    let step = (corners[7] - corners[0]).length() / f64::from(steps);
+    let through = CellRay::new(line, grid, 0.0);
+    let Some([enter, leave]) = through.clip(0.0, grid.size().map(|side| side as f64), a, b) else { return };
+    for j in 0..((leave - enter) / step).ceil() as u32 {
+        let start = enter + f64::from(j) * step;
+        let length = step.min(leave - start);
+        if !visit(start + 0.5 * length, length) {
+            return;
+        }
+    }
+}
+
+/// The same as [`lengths`] in equal steps.
+fn march_lengths<const C: usize, W: Window<C>>(
+    (line, ends): (&Line, [f64; 2]),
+    steps: u32,
+    part: &Part,
+    window: &mut W,
+    visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+) {
+    let cells = CellRay::new(line, &part.grid, W::SHIFT);
+    let high = part.grid.size().map(|side| side as f64 + W::SHIFT);
+    each_step(line, ends, steps, &part.grid, |t, length| {
+        let at = cells.at(t);
+        let cell = at.map(|x| x as usize);
+        if (0..3).all(|axis| at[axis] >= W::SHIFT && at[axis] < high[axis]) && part.cells.contains(cell) {
+            window.sample(cell, at, [length; C], visit);
+        }
+        true
+    });
+}
+
 /// Adds the lengths of a line inside the basis functions of extinction.
 #[inline(always)]
 fn lengths<const C: usize, W: Window<C>>(
-    line: &Line,
-    a: f64,
-    b: f64,
+    (line, [a, b]): (&Line, [f64; 2]),
     part: &Part,
     window: &mut W,
     visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
@@ -456,27 +501,4 @@ fn nodes<const C: usize>(depth: &Depth<C>, from: f64, to: f64, mut visit: impl F
 fn mean_place(tau: f64) -> f64 {
     let [whole, first, _] = exponential::moments(tau);
     if whole > 0.0 { first / whole } else { 0.5 }
-}
-
-/// A weight times the light that is scattered towards the eye from a place of each channel's own.
-#[inline(always)]
-fn lit_at<const C: usize>(
-    light: Option<&[light::Towards]>,
-    at: impl Fn(usize) -> f64,
-    weight: Weight<f64, C>,
-) -> Weight<f64, C> {
-    let Some(light) = light else { return weight };
-    std::array::from_fn(|c| weight[c] * light.iter().map(|source| source.at(at(c))[c]).sum::<f64>())
-}
-
-/// A weight times the light that is scattered towards the eye.
-#[inline(always)]
-fn lit<const C: usize>(light: Option<&[light::Towards]>, t: f64, weight: Weight<f64, C>) -> Weight<f64, C> {
-    let Some(light) = light else { return weight };
-    let mut sum = [0.0; 3];
-    for source in light {
-        let radiance = source.at(t);
-        (0..3).for_each(|c| sum[c] += radiance[c]);
-    }
-    std::array::from_fn(|c| weight[c] * sum[c])
 }

@@ -48,7 +48,6 @@ pub(super) fn log_row(
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -212,13 +212,8 @@ impl VolumeProblem {
 
     /// What all voxels start from, in the order (z, y, x).
     pub fn all_starts(&self, medium: &VolumeMedium) -> Vec<Rgb> {
-        let volume = |part: &Part| match part.quantity {
-            Quantity::Emission => medium.emission.clone(),
-            Quantity::Albedo(_) => medium.albedo.clone(),
-            Quantity::Extinction => medium.extinction.clone(),
-        };
         let colors = |part: &Part| {
-            let volume = volume(part);
+            let volume = property(medium, &part.quantity);
             (0..volume.grid().len()).map(|index| volume.color(index)).collect::<Vec<Rgb>>()
         };
         self.traversal.parts().iter().flat_map(colors).collect()
@@ -261,14 +256,23 @@ impl VolumeProblem {
         for part in self.traversal.parts() {
             let (mine, others) = rest.split_at(part.voxels().len());
             rest = others;
-            let place = match part.quantity {
-                Quantity::Emission => &mut changed.emission,
-                Quantity::Albedo(_) => &mut changed.albedo,
-                Quantity::Extinction => &mut changed.extinction,
-            };
-            *place = Arc::new(replaced(place, part.voxels(), mine)?);
+            let found = Arc::new(replaced(property(medium, &part.quantity), part.voxels(), mine)?);
+            match part.quantity {
+                Quantity::Emission => changed.emission = found,
+                Quantity::Albedo(_) | Quantity::InScattered(_) => changed.albedo = found,
+                Quantity::Extinction => changed.extinction = found,
+            }
         }
         Ok(changed)
+    }
+}
+
+/// The property of a medium that a quantity is.
+fn property<'a>(medium: &'a VolumeMedium, quantity: &Quantity) -> &'a Volume {
+    match quantity {
+        Quantity::Emission => &medium.emission,
+        Quantity::Albedo(_) | Quantity::InScattered(_) => &medium.albedo,
+        Quantity::Extinction => &medium.extinction,
     }
 }
 

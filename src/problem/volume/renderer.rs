@@ -134,5 +134,6 @@ pub(super) fn is_grey(traversal: &VolumeTraversal, part: &Part) -> bool {
         Quantity::Extinction => true,
         Quantity::Emission => traversal.transport().density.is_grey(),
         Quantity::Albedo(light) => traversal.transport().density.is_grey() && light.is_grey(),
+        Quantity::InScattered(albedo) => traversal.transport().density.is_grey() && albedo.channels() == 1,
     }
 }

@@ -103,7 +103,7 @@ proptest! {
         let truth = products(&explicit(&traversal, colored), seed);
         WALKS.with(|walks| {
             for (gpu, deterministic) in walks {
-                let walked = Walked::new(gpu, &traversal, colored, *deterministic).unwrap();
+                let walked = Walked::light_map(gpu, &traversal, colored, *deterministic).unwrap();
                 agree(&products(&walked, seed), &truth)?;
                 prop_assert!(adjoint_test(&walked, 1, seed).unwrap().error <= ADJOINT_F32);
             }
@@ -146,7 +146,7 @@ fn squares_are_the_diagonal_of_the_normal_matrix() {
         for (gpu, deterministic) in
             [(gpu(), false), (gpu(), true), (near(), false), (near(), true), (narrow(4096), false)]
         {
-            let walked = Walked::new(&gpu, &traversal, colored, deterministic).unwrap();
+            let walked = Walked::light_map(&gpu, &traversal, colored, deterministic).unwrap();
             let kept = Kept::new(&gpu, table(&traversal, colored), elements).unwrap();
             let mut y = random(walked.range(), 3);
             y.clamp(&unscatter::operator::Bounds::NOT_NEGATIVE);
@@ -190,7 +190,7 @@ fn one_wrong_weight_or_ray_is_noticed() {
     let seen = (0..rays.len()).max_by(|&a, &b| weight(a).total_cmp(&weight(b))).unwrap();
     rays[seen].direction = (rays[seen].direction + glam::DVec3::new(0.03, 0.03, 0.03)).normalize();
     let bent = LightMapTraversal::new(traversal.transport().clone(), rays.into());
-    assert!(agree(&products(&Walked::new(&gpu, &bent, false, false).unwrap(), 1), &truth).is_err());
+    assert!(agree(&products(&Walked::light_map(&gpu, &bent, false, false).unwrap(), 1), &truth).is_err());
 }
 
 /// An operator with one texel of its adjoint wrong.
@@ -221,7 +221,7 @@ impl LinearOperator for Sabotaged {
 #[ignore = "needs a graphics adapter; ./test.sh brings one"]
 fn the_adjoint_test_notices_one_wrong_texel() {
     let traversal = traversal(5, 300, Basis::Bilinear, Quadrature::Exact, false);
-    let walked = Walked::new(&gpu(), &traversal, false, false).unwrap();
+    let walked = Walked::light_map(&gpu(), &traversal, false, false).unwrap();
     assert!(adjoint_test(&Sabotaged(walked), 3, 1).unwrap().error > ADJOINT_F32);
 }
 
@@ -230,7 +230,7 @@ fn the_adjoint_test_notices_one_wrong_texel() {
 fn fixed_point_gives_the_same_bits_and_f32_says_what_it_is() {
     let gpu = gpu();
     let traversal = traversal(23, 5000, Basis::Bilinear, Quadrature::Exact, false);
-    let walked = Walked::new(&gpu, &traversal, false, true).unwrap();
+    let walked = Walked::light_map(&gpu, &traversal, false, true).unwrap();
     assert_eq!(walked.accumulation(), Accumulation::Fixed);
     let y = random(walked.range(), 9);
     let product = || {
@@ -240,7 +240,10 @@ fn fixed_point_gives_the_same_bits_and_f32_says_what_it_is() {
     };
     let first = product();
     (0..10).for_each(|_| assert_eq!(product(), first));
-    assert_ne!(Walked::new(&gpu, &traversal, false, false).unwrap().accumulation(), Accumulation::Fixed);
+    assert_ne!(
+        Walked::light_map(&gpu, &traversal, false, false).unwrap().accumulation(),
+        Accumulation::Fixed
+    );
 }
 
 /// The same rays again and again, all of them through the same texels: the sum that is most in danger of its range.
@@ -252,7 +255,7 @@ fn crowd(gpu: &Gpu, rays: usize, y: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) 
     Traversal::<f64, 3>::walk(&one, row, &mut |element, weight: [f64; 3]| {
         (0..3).for_each(|c| truth[element][c] += weight[c] * y[c] * rays as f64);
     });
-    let walked = Walked::new(gpu, &crowd, true, true).unwrap();
+    let walked = Walked::light_map(gpu, &crowd, true, true).unwrap();
     let (mut all, mut x) = (walked.range(), walked.domain());
     all.fill(y);
     walked.apply_adjoint(&all, &mut x).unwrap();

@@ -17,27 +17,24 @@ const TWINS: &[(&str, &str, &str, &str)] = &[
     // Sums on the processor need no fixed point: they are made in order, in f64.
     ("fixed_finish", "vector", "cpu/rows", "fn scatter"),
     ("fixed_scale", "fixed_point", "cpu/rows", "fn scatter"),
+    ("gather", "walked", "cpu/transport", "fn gather"),
     ("hold", "vector", "operator/cpu_vector", "fn hold("),
     ("hold_at_bounds", "vector", "operator/cpu_vector", "fn hold_at_bounds"),
     ("invert", "vector", "operator/cpu_vector", "fn invert"),
     ("largest_bits", "vector", "cpu/rows", "fn scatter"),
     ("largest_step", "vector", "operator/cpu_vector", "fn largest_step"),
-    ("light_map_gather", "light_map", "cpu/transport", "fn gather"),
-    ("light_map_scatter", "light_map", "cpu/transport", "fn apply_adjoint"),
-    ("light_map_squares", "light_map", "cpu/transport", "fn squares"),
     ("multiply", "vector", "operator/cpu_vector", "fn multiply"),
     ("pick", "vector", "operator/cpu_vector", "fn pick"),
     ("place", "vector", "operator/cpu_vector", "fn place"),
     ("projected_norm_squared", "vector", "operator/cpu_vector", "fn projected_norm_squared_later"),
     ("rows", "rows", "cpu/rows", "fn gather"),
     ("scale", "vector", "operator/cpu_vector", "fn scale"),
+    ("scatter", "walked", "cpu/transport", "fn apply_adjoint"),
     ("shorten", "vector", "operator/cpu_vector", "fn shorten"),
+    ("squares", "walked", "cpu/transport", "fn squares"),
     // Rays find the same triangles by the hierarchy.
     ("surfaces", "surfaces", "scene/geometry", "fn first_hit"),
     ("tiles", "tiles", "cpu/tiles", "fn sweep"),
-    ("volume_gather", "volume/mod", "cpu/transport", "fn gather"),
-    ("volume_scatter", "volume/mod", "cpu/transport", "fn apply_adjoint"),
-    ("volume_squares", "volume/mod", "cpu/transport", "fn squares"),
 ];
 
 fn root() -> &'static Path {
@@ -60,10 +57,10 @@ fn no_kernel_is_without_its_host_side_and_its_twin() {
     let read = |file: String| fs::read_to_string(root().join("src").join(file)).unwrap();
     for (name, host, twin, function) in TWINS {
         let words: String = name.split('_').map(|word| word[..1].to_uppercase() + &word[1..]).collect();
-        let variant = match name.strip_prefix("light_map_").or_else(|| name.strip_prefix("volume_")) {
-            Some(consumer) => format!("Consumer::{}{}", consumer[..1].to_uppercase(), &consumer[1..]),
-            None if *name == "surfaces" => "kernels/surfaces.wgsl".to_owned(),
-            None => format!("Kernel::{words}"),
+        let variant = match *name {
+            "gather" | "scatter" | "squares" => format!("Consumer::{words}"),
+            "surfaces" => "kernels/surfaces.wgsl".to_owned(),
+            _ => format!("Kernel::{words}"),
         };
         assert!(read(format!("gpu/{host}.rs")).contains(&variant), "{variant} is not in gpu/{host}.rs");
         assert!(read(format!("{twin}.rs")).contains(function), "{function} is not in {twin}.rs");

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DQuat, DVec3};
 use unscatter::Error;
-use unscatter::gpu::{Accumulation, Choice, Gpu, GpuVector, WalkedVolume};
+use unscatter::gpu::{Accumulation, Choice, Gpu, GpuVector, Walked};
 use unscatter::march::{
     Density, InScattering, LitVolume, Part, PixelRays, Quantity, Refraction, VolumeTransport, VolumeTraversal,
 };
@@ -190,7 +190,7 @@ fn true_squares(matrix: &ExplicitMatrix, elements: usize, y: &[[f64; 3]]) -> Vec
 /// The largest error of both products and of the squares, and that of the adjoint.
 fn errors(gpu: &Gpu, traversal: &VolumeTraversal, colored: bool, deterministic: bool) -> [f64; 4] {
     let matrix = explicit(traversal, colored);
-    let walked = WalkedVolume::new(gpu, traversal, colored, deterministic).unwrap();
+    let walked = Walked::volume(gpu, traversal, colored, deterministic).unwrap();
     let [forward, backward] = products(&walked, 3);
     let [true_forward, true_backward] = products(&matrix, 3);
     let mut y = random(walked.range(), 3);
@@ -313,7 +313,7 @@ fn one_wrong_voxel_or_ray_is_noticed() {
         let traversal = traversal(5, Case { basis, ..Case::default() });
         let truth = products(&explicit(&traversal, false), 1);
         let differs = |other: &VolumeTraversal| {
-            let got = products(&WalkedVolume::new(&gpu, other, false, false).unwrap(), 1);
+            let got = products(&Walked::volume(&gpu, other, false, false).unwrap(), 1);
             (0..2).all(|direction| relative_difference(&got[direction], &truth[direction]) > AGAINST_EXPLICIT)
         };
         assert!(!differs(&traversal));
@@ -333,7 +333,7 @@ fn one_wrong_voxel_or_ray_is_noticed() {
 }
 
 /// An operator with one voxel of its adjoint wrong.
-struct Sabotaged(WalkedVolume);
+struct Sabotaged(Walked);
 
 impl LinearOperator for Sabotaged {
     type Domain = GpuVector;
@@ -360,7 +360,7 @@ impl LinearOperator for Sabotaged {
 #[ignore = "needs a graphics adapter; ./test.sh brings one"]
 fn the_adjoint_test_notices_one_wrong_voxel() {
     let traversal = traversal(5, Case::default());
-    let walked = WalkedVolume::new(&gpu(), &traversal, false, false).unwrap();
+    let walked = Walked::volume(&gpu(), &traversal, false, false).unwrap();
     assert!(adjoint_test(&Sabotaged(walked), 3, 1).unwrap().error > ADJOINT_F32);
 }
 
@@ -370,7 +370,7 @@ fn fixed_point_gives_the_same_bits() {
     let gpu = gpu();
     let case = Case { looked: Looked::Both, basis: Interpolation::Trilinear, rows: 2000, ..Case::default() };
     let traversal = traversal(23, case);
-    let walked = WalkedVolume::new(&gpu, &traversal, false, true).unwrap();
+    let walked = Walked::volume(&gpu, &traversal, false, true).unwrap();
     assert_eq!(walked.accumulation(), Accumulation::Fixed);
     let y = random(walked.range(), 9);
     let products = || {
@@ -381,7 +381,7 @@ fn fixed_point_gives_the_same_bits() {
     };
     let first = products();
     (0..5).for_each(|_| assert_eq!(products(), first));
-    let other = WalkedVolume::new(&gpu, &traversal, false, false).unwrap();
+    let other = Walked::volume(&gpu, &traversal, false, false).unwrap();
     assert_ne!(other.accumulation(), Accumulation::Fixed);
 }
 
@@ -390,7 +390,7 @@ fn fixed_point_gives_the_same_bits() {
 fn what_there_is_no_kernel_for_is_refused_and_says_what_to_do() {
     let whole = gpu();
     let refused = |gpu: &Gpu, traversal: &VolumeTraversal, words: &str| {
-        let error = WalkedVolume::new(gpu, traversal, false, false).unwrap_err();
+        let error = Walked::volume(gpu, traversal, false, false).unwrap_err();
         assert!(matches!(error, Error::Adapter { .. } | Error::TooLarge { .. }), "{error}");
         let text = error.to_string();
         assert!(text.contains(words) && text.contains("--backend cpu"), "{text}");

@@ -157,6 +157,7 @@ pub fn row(
                         let light = scattered(light, ray, p);
                         std::array::from_fn(|c| attenuated(c) * light[c])
                     }
+                    Quantity::InScattered(_) => unreachable!("it is compared with albedo"),
                 };
                 for (index, part) in basis(grid, transport.basis, p) {
                     (0..3).for_each(|c| sums[index][c] += w * density[c] * part);

@@ -245,3 +245,41 @@ fn the_march_converges_to_the_exact_weights() {
         );
     }
 }
+
+#[test]
+fn light_that_is_looked_for_counts_as_light_that_is_known() {
+    for basis in BOTH {
+        for (seed, channels) in [(1, 1), (2, 3), (3, 1), (4, 3)] {
+            let mut n = numbers(40 + seed);
+            let (medium, albedos, lit) = (grid(&mut n, 12), grid(&mut n, 7), grid(&mut n, 6));
+            let transport = transport(values(&mut n, medium, channels, 4.0), basis);
+            let rays = rows_along(&random_rays(&mut n, 40));
+            // Albedo and light have three channels of their own.
+            let albedo = values(&mut n, albedos, 3, 1.0);
+            let light = values(&mut n, lit, 3, 5.0);
+            let known = Quantity::Albedo(Arc::new(InScattering::new(vec![LitVolume {
+                along: None,
+                radiance: Arc::new(light.clone()),
+            }])));
+            let known =
+                VolumeTraversal::new(transport.clone(), rays.clone(), vec![part(known, albedos, basis)]);
+            let sought = part(Quantity::InScattered(Arc::new(albedo.clone())), lit, basis);
+            let sought = VolumeTraversal::new(transport, rays.clone(), vec![sought]);
+            let shown = |traversal: &VolumeTraversal, values: &Volume, row: usize| {
+                let weights = dense::<3>(traversal, row);
+                weights.iter().enumerate().fold([0.0; 3], |sum: [f64; 3], (index, weight)| {
+                    std::array::from_fn(|c| sum[c] + weight[c] * f64::from(values.color(index)[c]))
+                })
+            };
+            for row in 0..rays.len() {
+                let (a, b) = (shown(&known, &albedo, row), shown(&sought, &light, row));
+                let scale = a.iter().copied().fold(1e-30, f64::max);
+                let error = (0..3).map(|c| (a[c] - b[c]).abs() / scale).fold(0.0, f64::max);
+                assert!(
+                    error <= VOLUME_LIGHT,
+                    "{basis:?} {seed}: row {row} differs by {error:e}: {a:?} {b:?}"
+                );
+            }
+        }
+    }
+}

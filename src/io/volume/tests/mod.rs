@@ -1,7 +1,5 @@
 //! Every format there and back.
 
-#![allow(clippy::unwrap_used)]
-
 mod foreign;
 mod lies;
 

@@ -1,4 +1,4 @@
-// y ← T x: one invocation walks one ray.
+// y ← y + T x: one invocation walks one ray.
 @group(0) @binding(1) var<storage, read_write> y: array<f32>;
 @group(0) @binding(2) var<storage, read> x: array<f32>;
 
@@ -15,8 +15,8 @@ fn bound_of_x(e: u32) -> vec3<f32> {
     return vec3(x[e], 0.0, 0.0);
 }
 
-fn visit(texel: vec2<i32>, weight: Weight) {
-    let e = local_element(texel);
+fn visit(cell: Cell, weight: Weight) {
+    let e = local_element(cell);
     if e < parameters.x_len {
         part += weights_of(weight) * bound_of_x(e);
         visits++;
@@ -38,11 +38,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     walk(id.x);
     total += part;
     for (var c = 0u; c < CHANNELS; c++) {
-        let i = c * parameters.y_stride + parameters.y_first + id.x;
-        if parameters.again != 0u {
-            y[i] += total[c];
-        } else {
-            y[i] = total[c];
-        }
+        y[c * parameters.y_stride + parameters.y_first + id.x] += total[c];
     }
 }

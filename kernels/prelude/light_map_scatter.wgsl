@@ -32,7 +32,7 @@ fn flush_near(i: u32, k: u32, plane: u32) {
     }
 }
 
-fn visit(texel: vec2<i32>, weight: Weight) {
+fn visit(texel: Cell, weight: Weight) {
     let e = local_element(texel);
     if e >= parameters.x_len {
         return;

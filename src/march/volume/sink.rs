@@ -1,0 +1,126 @@
+//! What becomes of the samples of a ray.
+
+use super::super::Weight;
+use super::super::basis::{add, times};
+use super::cells::CellRay;
+use super::light::Towards;
+use super::window::{Trilinear, Window};
+use crate::scene::{Interpolation, Volume};
+
+/// Takes the samples of a ray in order.
+pub(super) trait Sink<const C: usize> {
+    /// A piece in a cell in which all but light is constant. Light that is linear along the piece counts for each channel as it
+    /// is at its `place`.
+    fn piece(&mut self, cell: [usize; 3], place: impl Fn(usize) -> f64, weight: Weight<f64, C>);
+
+    /// A node of a quadrature at t, at position `at` (in cells) inside `cell`.
+    fn node(&mut self, cell: [usize; 3], at: [f64; 3], t: f64, weight: Weight<f64, C>);
+}
+
+/// The elements of a basis, lit or not.
+pub(super) struct Lit<'a, W, V> {
+    pub(super) light: Option<&'a [Towards<'a>]>,
+    pub(super) window: &'a mut W,
+    pub(super) visit: &'a mut V,
+}
+
+impl<const C: usize, W: Window<C>, V: FnMut([usize; 3], Weight<f64, C>)> Sink<C> for Lit<'_, W, V> {
+    #[inline(always)]
+    fn piece(&mut self, cell: [usize; 3], place: impl Fn(usize) -> f64, weight: Weight<f64, C>) {
+        let weight = match self.light {
+            None => weight,
+            Some(light) => std::array::from_fn(|c| {
+                weight[c] * light.iter().map(|source| source.at(place(c))[c]).sum::<f64>()
+            }),
+        };
+        self.window.sample(cell, [0.0; 3], weight, self.visit);
+    }
+
+    #[inline(always)]
+    fn node(&mut self, cell: [usize; 3], at: [f64; 3], t: f64, weight: Weight<f64, C>) {
+        let weight = match self.light {
+            None => weight,
+            Some(light) => {
+                let mut sum = [0.0; 3];
+                for source in light {
+                    let radiance = source.at(t);
+                    (0..3).for_each(|c| sum[c] += radiance[c]);
+                }
+                std::array::from_fn(|c| weight[c] * sum[c])
+            }
+        };
+        self.window.sample(cell, at, weight, self.visit);
+    }
+}
+
+/// The voxels of a cached light, trilinear between their centres, that an albedo scatters.
+pub(super) struct Scattered<'a, const C: usize, V> {
+    /// The albedo, and what lies between its values.
+    pub(super) albedo: &'a Volume,
+    pub(super) basis: Interpolation,
+    /// The ray in cells of the light, and in voxels of the albedo.
+    pub(super) in_light: CellRay,
+    pub(super) in_albedo: CellRay,
+    /// Voxels of the light.
+    pub(super) size: [usize; 3],
+    /// Whether all channels are sampled at one place.
+    pub(super) is_grey: bool,
+    pub(super) window: &'a mut Trilinear<C>,
+    pub(super) visit: &'a mut V,
+}
+
+impl<const C: usize, V: FnMut([usize; 3], Weight<f64, C>)> Scattered<'_, C, V> {
+    #[inline(always)]
+    fn sample(&mut self, t: f64, weight: Weight<f64, C>) {
+        let at = self.in_light.at(t);
+        // The cast rounds towards zero, and takes what lies before the first cell to it.
+        let cell = std::array::from_fn(|axis| (at[axis] as usize).min(self.size[axis]));
+        self.window.sample(cell, at, weight, self.visit);
+    }
+
+    #[inline(always)]
+    fn albedo_of(&self, cell: [usize; 3]) -> Weight<f64, C> {
+        let color = self.albedo.color(self.albedo.grid().index(cell));
+        std::array::from_fn(|c| f64::from(color[c]))
+    }
+}
+
+impl<const C: usize, V: FnMut([usize; 3], Weight<f64, C>)> Sink<C> for Scattered<'_, C, V> {
+    #[inline(always)]
+    fn piece(&mut self, cell: [usize; 3], place: impl Fn(usize) -> f64, weight: Weight<f64, C>) {
+        let weight = times(weight, self.albedo_of(cell));
+        if self.is_grey {
+            return self.sample(place(0), weight);
+        }
+        for c in 0..C {
+            let mut mine = [0.0; C];
+            mine[c] = weight[c];
+            self.sample(place(c), mine);
+        }
+    }
+
+    #[inline(always)]
+    fn node(&mut self, cell: [usize; 3], _at: [f64; 3], t: f64, weight: Weight<f64, C>) {
+        let albedo = match self.basis {
+            Interpolation::Nearest => self.albedo_of(cell),
+            Interpolation::Trilinear => {
+                let color = self.albedo.interpolated(self.in_albedo.at(t));
+                std::array::from_fn(|c| f64::from(color[c]))
+            }
+        };
+        self.sample(t, times(weight, albedo));
+    }
+}
+
+/// Adds up what one voxel gets from a ray that comes back to it.
+pub(super) fn merged<const C: usize>(
+    mut seen: Vec<([usize; 3], Weight<f64, C>)>,
+    visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+) {
+    seen.sort_by_key(|&([i, j, k], _)| [k, j, i]);
+    for same in seen.chunk_by(|a, b| a.0 == b.0) {
+        let mut sum = [0.0; C];
+        same.iter().for_each(|(_, weight)| add(&mut sum, *weight));
+        visit(same[0].0, sum);
+    }
+}
