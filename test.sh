@@ -22,6 +22,9 @@ for part in rustfmt clippy; do
   cargo "${part/rustfmt/fmt}" --version >/dev/null 2>&1 || rustup component add "$part"
 done
 
+# Tests that draw their cases by lot draw the same ones every time. To hunt for others: PROPTEST_RNG_SEED=$RANDOM ./test.sh
+export PROPTEST_RNG_SEED="${PROPTEST_RNG_SEED:-2015}"
+
 out="$(mktemp -d)"
 trap 'rm -rf "$out"' EXIT
 # Where there is no session, Mesa complains about it on standard error.

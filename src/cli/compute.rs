@@ -68,6 +68,10 @@ impl Watch<'_> {
         steps.begin("solving", Some(self.iterations as u64));
         let mut saved = Instant::now();
         let solved = solve(&coverage, &mut |history, snapshot| {
+            if snapshot.is_final() {
+                self.checkpoint.finish(history, snapshot)?;
+                return Ok(Control::Stop);
+            }
             each();
             if let Some(last) = history.progress.last() {
                 let worst = last.normal_residual.iter().copied().fold(0.0, f64::max);
@@ -77,7 +81,7 @@ impl Watch<'_> {
                 }
             }
             if saved.elapsed() > CHECKPOINT_EVERY {
-                self.checkpoint.keep(history, &snapshot.state()?);
+                self.checkpoint.keep(history, snapshot);
                 saved = Instant::now();
             }
             Ok(if interrupted() { Control::Stop } else { Control::Continue })

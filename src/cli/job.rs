@@ -122,7 +122,10 @@ pub(super) fn fixed_bytes(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let pixels: usize = scene.views.iter().map(|view| view.camera.size().iter().product::<usize>()).sum();
     // Beside those of the method: start, scaling, coverage, right-hand side, weights, and what operators keep.
     let kept = crate::problem::vectors(scene.solve.solver);
-    let vectors = (kept.domain + 8) * COLOR * texels + (kept.range + 6) * COLOR * (rows + texels);
+    // A checkpoint has one vector after the other in f64.
+    let vectors = (kept.domain + 8) * COLOR * texels
+        + (kept.range + 6) * COLOR * (rows + texels)
+        + 2 * COLOR * texels.max(rows);
     let rays = rows * size_of::<crate::march::ViewRay>();
     // Four pictures a view, and what is painted on it.
     let pictures = pixels * (4 * COLOR + size_of::<[f32; 4]>());

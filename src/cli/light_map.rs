@@ -44,7 +44,6 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
         On::Gpu(gpu) => task.on_gpu(&gpu, arguments.solve.deterministic, resumed, &mut steps, &preview),
     })?;
     let Computed { solved, before, after, coverage, .. } = &computed;
-    checkpoint.write(&folder.file("checkpoint"), &solved.outcome.history, &solved.state)?;
 
     let views = scene.views.len() as u64;
     steps.begin("rendering", Some(views));

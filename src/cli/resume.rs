@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 
 use super::results::Folder;
 use crate::io::Checkpoint;
-use crate::problem::{LightMapProblem, Paused, VolumeProblem};
+use crate::problem::{LightMapProblem, Paused, Snapshot, VolumeProblem};
 use crate::scene::{Scene, SolveSettings};
 use crate::solve::{History, Measure, Progress, Progressing, State};
 use crate::{Error, Result};
@@ -15,6 +15,8 @@ const ENTRY: usize = 9;
 #[derive(Debug)]
 pub(super) struct Keeper {
     path: PathBuf,
+    /// Where the last one is made, to be published with the results.
+    last: PathBuf,
     fingerprint: u64,
     /// Whether this run has written it.
     kept: Cell<bool>,
@@ -23,12 +25,13 @@ pub(super) struct Keeper {
 impl Keeper {
     /// Keeps the solve with this fingerprint.
     pub(super) fn new(folder: &Folder, fingerprint: u64) -> Self {
-        Self { path: folder.path().join("checkpoint"), fingerprint, kept: Cell::new(false) }
+        let last = folder.file("checkpoint");
+        Self { path: folder.path().join("checkpoint"), last, fingerprint, kept: Cell::new(false) }
     }
 
     /// Writes the checkpoint where [`Keeper::read`] finds it; a failure is no reason to lose the solve.
-    pub(super) fn keep(&self, history: &History, state: &State) {
-        match self.write(&self.path, history, state) {
+    pub(super) fn keep(&self, history: &History, snapshot: &mut dyn Snapshot) {
+        match self.write(&self.path, history, snapshot) {
             Ok(()) => self.kept.set(true),
             Err(error) => tracing::warn!("no checkpoint: {error}"),
         }
@@ -40,7 +43,12 @@ impl Keeper {
         self.kept.get().then(|| self.read().ok()).flatten()
     }
 
-    pub(super) fn write(&self, path: &Path, history: &History, state: &State) -> Result<()> {
+    /// Writes the checkpoint of a solve that has ended among the results.
+    pub(super) fn finish(&self, history: &History, snapshot: &mut dyn Snapshot) -> Result<()> {
+        self.write(&self.last, history, snapshot)
+    }
+
+    fn write(&self, path: &Path, history: &History, snapshot: &mut dyn Snapshot) -> Result<()> {
         let [r, s] = [history.start.residual, history.start.normal_residual];
         let settled = history.settled.map(|settled| f64::from(u8::from(settled)));
         let Progressing { least, residual, without } = history.progressing;
@@ -51,9 +59,13 @@ impl Keeper {
             let counts = [entry.iteration as f64, entry.seconds, entry.operator_applications as f64];
             [counts, r, s].concat()
         });
-        let mut blocks = vec![start, entries.collect(), state.scalars.clone()];
-        blocks.extend(state.vectors.iter().map(|vector| vector.as_flattened().to_vec()));
-        Checkpoint { fingerprint: self.fingerprint, blocks }.write(path)
+        let (vectors, scalars) = snapshot.outline();
+        let blocks: [Vec<f64>; 3] = [start, entries.collect(), scalars];
+        let lengths = blocks.iter().map(Vec::len).chain(vectors.iter().map(|colors| 3 * colors));
+        Checkpoint::write(path, self.fingerprint, &lengths.collect::<Vec<_>>(), |put| {
+            blocks.iter().try_for_each(|block| put(block))?;
+            snapshot.hand_out(&mut |vector| put(vector.as_flattened()))
+        })
     }
 
     pub(super) fn read(&self) -> Result<Paused> {

@@ -32,22 +32,25 @@ struct Header {
 }
 
 impl Checkpoint {
-    /// Writes the file whole or not at all.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    /// Writes blocks of so many numbers, whole or not at all. `hand_out` gives them away one after the other, so that no more
+    /// than one need be in memory.
+    pub fn write(
+        path: &Path,
+        fingerprint: u64,
+        lengths: &[usize],
+        mut hand_out: impl FnMut(&mut dyn FnMut(&[f64]) -> Result<()>) -> Result<()>,
+    ) -> Result<()> {
         let header = Header {
-            fingerprint: format!("{:016x}", self.fingerprint),
-            lengths: self.blocks.iter().map(|block| block.len() as u64).collect(),
+            fingerprint: format!("{fingerprint:016x}"),
+            lengths: lengths.iter().map(|&length| length as u64).collect(),
         };
         let header = serde_json::to_string(&header).map_err(|error| Error::Machine(error.to_string()))?;
         write_whole(path, |file| {
             let failed = |source| Error::File { action: "write", path: path.to_owned(), source };
             writeln!(file, "{MAGIC}\n{header}").map_err(failed)?;
-            for block in &self.blocks {
-                for value in block {
-                    file.write_all(&value.to_le_bytes()).map_err(failed)?;
-                }
-            }
-            Ok(())
+            hand_out(&mut |block| {
+                block.iter().try_for_each(|value| file.write_all(&value.to_le_bytes())).map_err(failed)
+            })
         })
     }
 
@@ -92,6 +95,14 @@ impl Checkpoint {
 mod tests {
     use super::*;
 
+    fn write(path: &Path, saved: &Checkpoint) {
+        let lengths: Vec<usize> = saved.blocks.iter().map(Vec::len).collect();
+        let written = Checkpoint::write(path, saved.fingerprint, &lengths, |put| {
+            saved.blocks.iter().try_for_each(|block| put(block))
+        });
+        written.unwrap();
+    }
+
     #[test]
     fn numbers_survive_and_other_problems_are_refused() {
         let folder = tempfile::tempdir().unwrap();
@@ -100,7 +111,7 @@ mod tests {
             fingerprint: u64::MAX - 5,
             blocks: vec![vec![0.1, -0.0, 1e-310], vec![], vec![3.0]],
         };
-        saved.write(&path).unwrap();
+        write(&path, &saved);
         assert_eq!(Checkpoint::read(&path, u64::MAX - 5).unwrap(), saved);
         assert!(matches!(Checkpoint::read(&path, 7), Err(Error::Checkpoint { .. })));
     }
@@ -109,7 +120,7 @@ mod tests {
     fn damaged_files_are_errors() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("checkpoint");
-        Checkpoint { fingerprint: 1, blocks: vec![vec![1.0; 9]] }.write(&path).unwrap();
+        write(&path, &Checkpoint { fingerprint: 1, blocks: vec![vec![1.0; 9]] });
         let whole = std::fs::read(&path).unwrap();
         for cut in 0..whole.len() {
             std::fs::write(&path, &whole[..cut]).unwrap();

@@ -6,7 +6,7 @@ use crate::operator::{CpuVector, Indexed, Stacked, Vector};
 use crate::scene::{Rgb, SolveSettings, SolverName};
 use crate::solve::{
     Beginning, Cgls, Control, Fista, FlexibleCgls, History, Lbfgs, LeastSquares, Lsmr, Lsqr, Measure, Method,
-    Mprgp, Outcome, Spectral, State, Vectors, drive, restore, save,
+    Mprgp, Outcome, Spectral, State, Vectors, drive, hand_out, outline, restore,
 };
 use crate::{Error, Result};
 
@@ -25,8 +25,6 @@ pub struct Solved {
     pub relative_weights: Weights,
     /// Applications of the transport before the first iteration: the metric, the choice of λ.
     pub set_up_applications: usize,
-    /// The state to continue from.
-    pub state: State,
 }
 
 /// What a solve was in when it was left, to be continued.
@@ -38,10 +36,26 @@ pub struct Paused {
     pub state: State,
 }
 
-/// A solve between two iterations.
+/// A solve between two iterations, or after the last.
 pub trait Snapshot {
+    /// The lengths of the vectors of the state to continue from, and its scalars.
+    fn outline(&mut self) -> (Vec<usize>, Vec<f64>);
+
+    /// Gives those vectors away, one after the other, so that no more than one need be on the host.
+    fn hand_out(&mut self, put: &mut dyn FnMut(Vec<[f64; 3]>) -> Result<()>) -> Result<()>;
+
+    /// Whether the solve has ended here.
+    fn is_final(&self) -> bool;
+
     /// The state to continue from.
-    fn state(&mut self) -> Result<State>;
+    fn state(&mut self) -> Result<State> {
+        let mut vectors = Vec::new();
+        self.hand_out(&mut |vector| {
+            vectors.push(vector);
+            Ok(())
+        })?;
+        Ok(State { vectors, scalars: self.outline().1 })
+    }
 
     /// All elements as they are.
     fn elements(&self) -> Result<Vec<Rgb>>;
@@ -77,7 +91,7 @@ pub fn solve(
 /// Minimizes `½ Σ w (T x − b)² + ½ Σ λᵢ ‖Rᵢ (x − x₀)‖², l ≤ x ≤ u` over the elements that some row reaches.
 ///
 /// `coverage` is diag(Tᵀ diag(w) T); elements where it is zero are not unknowns. `each` is called after every
-/// iteration.
+/// iteration, and once more at the end.
 ///
 /// Errors: [`Error::Value`] naming a setting, [`Error::Empty`] when no element is reached, and what the method and `each`
 /// report. The elements may be infinite where the targets are; the caller can name them better.
@@ -101,8 +115,9 @@ pub fn minimize(
         None => Beginning::At(system.start()),
     };
     let outcome = drive(&mut *method, &least_squares, beginning, &limits, |history, method| {
-        each(history, &mut Moment { method, system: &system, problem })
+        each(history, &mut Moment { method, system: &system, problem, is_final: false })
     })?;
+    each(&outcome.history, &mut Moment { method: &mut *method, system: &system, problem, is_final: true })?;
     Ok(Solved {
         x: system.all_elements(problem, method.solution())?,
         columns: system.columns().to_vec(),
@@ -110,7 +125,6 @@ pub fn minimize(
         weights: system.absolute_weights(),
         relative_weights: system.relative_weights(),
         set_up_applications: system.applications(),
-        state: save(&mut *method)?,
     })
 }
 
@@ -170,11 +184,20 @@ struct Moment<'a, 'b, V: Indexed> {
     method: &'a mut (dyn Method<SystemOperator<'b, V>> + 'b),
     system: &'a System<'b, V>,
     problem: &'a Formulation<'a>,
+    is_final: bool,
 }
 
 impl<V: Indexed + 'static> Snapshot for Moment<'_, '_, V> {
-    fn state(&mut self) -> Result<State> {
-        save(self.method)
+    fn outline(&mut self) -> (Vec<usize>, Vec<f64>) {
+        outline(self.method)
+    }
+
+    fn hand_out(&mut self, put: &mut dyn FnMut(Vec<[f64; 3]>) -> Result<()>) -> Result<()> {
+        hand_out(self.method, put)
+    }
+
+    fn is_final(&self) -> bool {
+        self.is_final
     }
 
     fn elements(&self) -> Result<Vec<Rgb>> {

@@ -137,12 +137,29 @@ fn ratio(a: Scalars, b: Scalars) -> Scalars {
 
 /// The state of a method.
 pub fn save<O: LinearOperator>(method: &mut (impl Method<O> + ?Sized)) -> Result<State> {
+    let mut vectors = Vec::new();
+    hand_out(method, &mut |vector| {
+        vectors.push(vector);
+        Ok(())
+    })?;
+    Ok(State { vectors, scalars: outline(method).1 })
+}
+
+/// The lengths of the vectors of a method's state, and its scalars.
+pub fn outline<O: LinearOperator>(method: &mut (impl Method<O> + ?Sized)) -> (Vec<usize>, Vec<f64>) {
     let Memory { domain, range, scalars } = method.memory();
-    let mut vectors = domain.iter().map(|vector| vector.to_host()).collect::<Result<Vec<_>>>()?;
-    for vector in &range {
-        vectors.push(vector.to_host()?);
-    }
-    Ok(State { vectors, scalars: scalars.iter().flat_map(|scalars| **scalars).collect() })
+    let lengths = domain.iter().map(|vector| vector.len()).chain(range.iter().map(|vector| vector.len()));
+    (lengths.collect(), scalars.iter().flat_map(|scalars| **scalars).collect())
+}
+
+/// Gives the vectors of a method's state away, one after the other, so that no more than one need be on the host.
+pub fn hand_out<O: LinearOperator>(
+    method: &mut (impl Method<O> + ?Sized),
+    put: &mut dyn FnMut(Vec<[f64; 3]>) -> Result<()>,
+) -> Result<()> {
+    let Memory { domain, range, .. } = method.memory();
+    domain.iter().try_for_each(|vector| put(vector.to_host()?))?;
+    range.iter().try_for_each(|vector| put(vector.to_host()?))
 }
 
 /// Puts a method where [`save`] found it; it then continues bit by bit.

@@ -78,7 +78,10 @@ pub(in crate::cli) fn stage_bytes(
         // A voxel has three neighbours before it, and each is looked up in both directions.
         + among_neighbours * (3 * (kept.range + 3) + 4);
     // Beside those of the method: start, scaling and its inverse, coverage, x₀ and x.
-    let vectors = (kept.domain + 6 + lower) * COLOR * unknowns + (kept.range + 6) * COLOR * rows;
+    // A checkpoint has one vector after the other in f64.
+    let vectors = (kept.domain + 6 + lower) * COLOR * unknowns
+        + (kept.range + 6) * COLOR * rows
+        + 2 * COLOR * unknowns.max(rows);
     let rays = rows * size_of::<[u32; 2]>();
     // The padded vector of the operator, and the colours of all voxels while what was found is put among them.
     let padded = unknowns * size_of::<[f32; 4]>();

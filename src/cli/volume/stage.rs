@@ -102,7 +102,6 @@ impl Task<'_> {
                     Ok((trial, "gpu", device(record), Some(work)))
                 }
             })?;
-        checkpoint.write(&folder.file("checkpoint"), &trial.solved.outcome.history, &trial.solved.state)?;
         let medium = problem.apply(self.medium, &trial.solved.x)?;
         let nowhere = || (Vec::new(), 0.0);
         Ok(Stage {
