@@ -30,7 +30,7 @@ pub(crate) struct Arguments {
 pub(crate) enum Command {
     /// Find the light map behind painted strokes.
     LightMap(LightMapArguments),
-    /// Find the emission, albedo or extinction of a volume behind target pictures.
+    /// Find the emission, albedo or extinction of a volume behind target pictures, or the light around it.
     Volume(VolumeArguments),
     /// Draw the views of a scene, under its plain light or under a light map.
     Render(RenderArguments),
@@ -153,8 +153,8 @@ pub(crate) struct VolumeArguments {
     pub(crate) output: OutputArguments,
     #[command(flatten)]
     pub(crate) solve: SolveArguments,
-    /// What to look for, instead of what the scene says: emission, albedo, joint, extinction, or extinction-then-joint,
-    /// extinction-then-emission, extinction-then-albedo.
+    /// What to look for, instead of what the scene says: emission, albedo, joint, extinction, environment, or in turn, such as
+    /// extinction-then-joint or environment-then-albedo.
     #[arg(long, value_name = "NAME")]
     pub(crate) find: Option<String>,
     /// Files to write what was found to: vdb, npy, npz, vol, raw, or all; may be repeated. npy and vdb by default.

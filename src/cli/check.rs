@@ -8,9 +8,9 @@ use super::{Done, Manners, job, to_json};
 use crate::gpu::Gpu;
 use crate::io::scene_file::Subject;
 use crate::march::Traversal;
-#[cfg(feature = "gpu")]
-use crate::march::VolumeTraversal;
 use crate::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
+#[cfg(feature = "gpu")]
+use crate::problem::VolumeRows;
 #[cfg(feature = "gpu")]
 use crate::problem::{GpuLightMapOperator, GpuOperator};
 use crate::problem::{LightMapOperator, LightMapProblem, TransportOperator, VolumeOperator, VolumeProblem};
@@ -88,7 +88,7 @@ impl Checked for LightMapProblem {
 impl Checked for VolumeProblem {
     type Host = VolumeOperator;
     #[cfg(feature = "gpu")]
-    type Device = GpuOperator<VolumeTraversal>;
+    type Device = GpuOperator<VolumeRows>;
 
     fn rows(&self) -> usize {
         self.targets.len()
@@ -111,12 +111,7 @@ impl Checked for VolumeProblem {
     }
 
     #[cfg(feature = "gpu")]
-    fn on_gpu(
-        &self,
-        gpu: &Gpu,
-        strategy: Strategy,
-        deterministic: bool,
-    ) -> Result<GpuOperator<VolumeTraversal>> {
+    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<GpuOperator<VolumeRows>> {
         GpuOperator::of_volume(gpu, self, strategy, u64::MAX, deterministic)
     }
 }

@@ -204,6 +204,7 @@ impl Findings<'_> {
 pub(super) fn strategy(storage: &Storage) -> RowStrategy {
     RowStrategy {
         name: match (storage.kept_rows, storage.walked_rows) {
+            _ if storage.of_light_volumes => "light volumes",
             (_, 0) => "assembled",
             (0, _) => "matrix-free",
             _ => "mixed",

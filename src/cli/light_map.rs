@@ -54,8 +54,8 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     let in_page = report::Pictures {
         views: pictures.iter().map(|view| view.write(&folder, scene.exposure)).collect::<Result<_>>()?,
         light_map: folder.write_picture("light_map", &light_map, exposure_of(&problem))?,
-        turntable: Vec::new(),
         coverage: Some(folder.write_png("coverage", &coverage_picture, 0.0)?),
+        ..report::Pictures::default()
     };
     let findings = Findings { scene: &scene, problem: &problem, computed: &computed };
     folder.write_bytes("light_map.placement.json", Placement::of(&problem.maps).to_json()?.as_bytes())?;

@@ -1,7 +1,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::march::Density;
+use super::dense::Dense;
+use crate::march::{Density, Weight};
 use crate::scene::{Geometry, Ray, Rgb, Samples, Volume, VoxelGrid, VoxelSet};
 use crate::{Error, Result};
 
@@ -31,19 +32,9 @@ pub fn light_volume(
 ) -> Result<Volume> {
     let near = near_medium(density, &grid);
     let voxels = near.indices();
-    let is_open = geometry.mesh().triangles.is_empty();
     let light_at = |&index: &u32| {
         let centre = grid.centre(grid.voxel(index as usize));
-        let mut sum = [0.0f64; 3];
-        for beam in beams {
-            let ray = Ray { origin: centre, direction: beam.towards };
-            if !is_open && geometry.blocks(&ray, f64::INFINITY) {
-                continue;
-            }
-            let tau = density.optical_depth(centre, beam.towards, f64::INFINITY);
-            (0..3).for_each(|c| sum[c] += f64::from(beam.radiance[c]) * (-tau[c]).exp());
-        }
-        sum.map(|value| value as f32)
+        arriving(density, geometry, centre, beams).map(|value| value as f32)
     };
     let lit: Vec<Rgb> = voxels.par_iter().map(light_at).collect();
     let is_grey = density.is_grey() && beams.iter().all(|beam| beam.radiance == [beam.radiance[0]; 3]);
@@ -57,6 +48,50 @@ pub fn light_volume(
         Error::NonFinite { place, .. } => Error::NonFinite { what: "the light".to_owned(), place },
         other => other,
     })
+}
+
+/// The same light by light: one column for the beams of each, one row for each of some voxels.
+///
+/// Errors: [`Error::NonFinite`] where a sum is beyond f32.
+pub fn light_columns<const C: usize>(
+    density: &Density,
+    geometry: &Geometry,
+    grid: &VoxelGrid,
+    voxels: &VoxelSet,
+    lights: &[Vec<Beam>],
+) -> Result<Dense<C>> {
+    let row = |&index: &u32| {
+        let centre = grid.centre(grid.voxel(index as usize));
+        lights.iter().map(move |beams| -> Weight<f32, C> {
+            let light = arriving(density, geometry, centre, beams);
+            std::array::from_fn(|c| light[c] as f32)
+        })
+    };
+    let indices = voxels.indices();
+    let weights: Vec<Weight<f32, C>> = indices.par_iter().flat_map_iter(row).collect();
+    if let Some(place) = weights.iter().position(|weight| !weight.iter().all(|value| value.is_finite())) {
+        let [i, j, k] = grid.voxel(indices[place / lights.len().max(1)] as usize);
+        return Err(Error::NonFinite {
+            what: "the light".to_owned(),
+            place: format!("voxel ({i}, {j}, {k})"),
+        });
+    }
+    Dense::new(indices.len(), lights.len(), weights)
+}
+
+/// Light of some beams at a point: Σ L e^{−τ} V.
+fn arriving(density: &Density, geometry: &Geometry, point: DVec3, beams: &[Beam]) -> [f64; 3] {
+    let is_open = geometry.mesh().triangles.is_empty();
+    let mut sum = [0.0f64; 3];
+    for beam in beams {
+        let ray = Ray { origin: point, direction: beam.towards };
+        if !is_open && geometry.blocks(&ray, f64::INFINITY) {
+            continue;
+        }
+        let tau = density.optical_depth(point, beam.towards, f64::INFINITY);
+        (0..3).for_each(|c| sum[c] += f64::from(beam.radiance[c]) * (-tau[c]).exp());
+    }
+    sum
 }
 
 /// The voxels of a grid whose value is asked for somewhere in a medium: those that it overlaps, and half a voxel around.

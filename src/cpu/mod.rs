@@ -5,12 +5,14 @@
 //! any number of threads.
 
 mod bands;
+mod dense;
 mod lighting;
 mod rows;
 mod tiles;
 mod transport;
 
-pub use lighting::{Beam, light_volume, near_medium};
+pub use dense::Dense;
+pub use lighting::{Beam, light_columns, light_volume, near_medium};
 pub use tiles::{Rows, TileMetric, Tiling};
 pub(crate) use transport::gather;
 pub use transport::{Storage, Transport, WalkPlan};

@@ -71,6 +71,8 @@ pub struct Storage {
     pub kept_nonzeros: u64,
     /// Bytes that the kept rows take.
     pub bytes: u64,
+    /// Whether the rows are those of one factor of T: what light volumes scatter.
+    pub of_light_volumes: bool,
 }
 
 /// `T` of a traversal as an operator: kept where memory allows, walked again where not.
@@ -137,6 +139,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
             walked_rows: self.traversal.rows() - self.first_walked,
             kept_nonzeros: self.kept.iter().map(|chunk| chunk.nonzeros() as u64).sum(),
             bytes: self.kept.iter().map(|chunk| chunk.bytes() as u64).sum(),
+            of_light_volumes: false,
         }
     }
 

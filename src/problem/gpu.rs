@@ -1,9 +1,10 @@
 use rayon::prelude::*;
 
 use super::transport::{brought, fetched};
+use super::volume::{LightColumns, LitRows, VolumeRows};
 use super::{HostOperator, LightMapProblem, TransportOperator, VolumeProblem};
 use crate::cpu::{self, Storage, TileMetric, Tiling, WalkPlan};
-use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, RowTable, Transport, Walked};
+use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, Product, RowTable, Transport, Walked};
 use crate::march::{LightMapTraversal, Traversal, VolumeTraversal, Weight};
 use crate::operator::{CpuVector, LinearOperator, Metric};
 use crate::scene::Strategy;
@@ -49,12 +50,12 @@ impl GpuOperator<LightMapTraversal> {
             },
             (strategy, budget),
             &|strategy, budget| problem.operator_with(strategy, budget),
-            || Walked::light_map(gpu, &problem.traversal, colored, deterministic),
+            || Ok(Transport::Walked(Walked::light_map(gpu, &problem.traversal, colored, deterministic)?)),
         )
     }
 }
 
-impl GpuOperator<VolumeTraversal> {
+impl GpuOperator<VolumeRows> {
     /// Keeps all rows on the adapter where `strategy` and the `budget` in bytes allow, else walks them there; `deterministic`
     /// sums are the same in every run.
     ///
@@ -76,9 +77,63 @@ impl GpuOperator<VolumeTraversal> {
             gpu,
             &size,
             (strategy, budget),
-            &|strategy, budget| problem.operator(strategy, budget),
-            || Walked::volume(gpu, &problem.traversal, !problem.is_grey(), deterministic),
+            &|strategy, budget| {
+                HostOperator::new(
+                    problem.traversal.clone(),
+                    problem.is_grey(),
+                    &problem.plan,
+                    strategy,
+                    budget,
+                )
+            },
+            || match &problem.traversal {
+                VolumeRows::Voxels(rows) => {
+                    Ok(Transport::Walked(Walked::volume(gpu, rows, !problem.is_grey(), deterministic)?))
+                }
+                VolumeRows::Lights(rows) => light_volumes(gpu, rows, problem.is_grey(), budget),
+            },
         )
+    }
+}
+
+/// G V + D of lights on an adapter, each factor kept there.
+///
+/// Errors: [`Error::TooLarge`], [`Error::AdapterMemory`].
+fn light_volumes(gpu: &Gpu, rows: &LitRows, is_grey: bool, budget: u64) -> Result<Transport> {
+    let (lights, voxels) = (rows.basis().len(), rows.scattered.parts()[0].voxels().len());
+    let columns = match &*rows.columns {
+        LightColumns::Grey(columns) => table(columns),
+        LightColumns::Colored(columns) => table(columns),
+    };
+    let kept = |rows: &VolumeTraversal| {
+        let plan = if is_grey { WalkPlan::new::<f32, 1>(rows) } else { WalkPlan::new::<f32, 3>(rows) };
+        let bytes = Kept::bytes(plan.nonzeros, rows.rays().len(), voxels, if is_grey { 1 } else { 3 });
+        if 2 * bytes > budget {
+            return Err(Error::TooLarge {
+                what: "what the voxels scatter, on an adapter".to_owned(),
+                needed: format!("{} bytes", 2 * bytes),
+                limit: format!("{budget} bytes"),
+                remedy: "raise --memory, lower the views' sizes or light_size, or use --backend cpu",
+            });
+        }
+        Ok(if is_grey { table(&Walk::<_, 1>(rows)) } else { table(&Walk::<_, 3>(rows)) })
+    };
+    let scattered = Kept::new(gpu, kept(&rows.scattered)?, voxels)?;
+    let seen = if is_grey { table(&Walk::<_, 1>(&rows.seen)) } else { table(&Walk::<_, 3>(&rows.seen)) };
+    let [columns, seen] = [Kept::new(gpu, columns, lights)?, Kept::new(gpu, seen, lights)?];
+    Ok(Transport::Product(Box::new(Product::new(scattered, columns, seen)?)))
+}
+
+/// A traversal's rows in f32.
+struct Walk<'a, T, const C: usize>(&'a T);
+
+impl<T: Traversal<f64, C>, const C: usize> cpu::Rows<f32, C> for Walk<'_, T, C> {
+    fn rows(&self) -> usize {
+        self.0.rows()
+    }
+
+    fn visit(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f32, C>)) {
+        self.0.walk(row, &mut |element, weight| visit(element, weight.map(|weight| weight as f32)));
     }
 }
 
@@ -96,7 +151,7 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
         size: &Rows,
         (strategy, budget): (Strategy, u64),
         host: &dyn Fn(Strategy, u64) -> Result<HostOperator<T>>,
-        walk: impl FnOnce() -> Result<Walked>,
+        walk: impl FnOnce() -> Result<Transport>,
     ) -> Result<Self> {
         let bytes = Kept::bytes(size.plan.nonzeros, size.count, size.elements, size.channels);
         let keep = || -> Result<_> {
@@ -131,12 +186,22 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
                     walked_rows: 0,
                     kept_nonzeros: kept.nonzeros() as u64,
                     bytes,
+                    ..Storage::default()
                 };
                 (Transport::Kept(kept), rows, storage)
             }
             None => {
-                let storage = Storage { walked_rows: size.count, ..Storage::default() };
-                (Transport::Walked(walk()?), host(Strategy::MatrixFree, 0)?, storage)
+                let transport = walk()?;
+                let storage = match &transport {
+                    Transport::Product(product) => Storage {
+                        kept_rows: size.count,
+                        kept_nonzeros: product.nonzeros() as u64,
+                        of_light_volumes: true,
+                        ..Storage::default()
+                    },
+                    _ => Storage { walked_rows: size.count, ..Storage::default() },
+                };
+                (transport, host(Strategy::MatrixFree, 0)?, storage)
             }
         };
         Ok(Self { gpu: gpu.clone(), transport, rows, storage })
@@ -145,7 +210,7 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
     /// Whether its products are the same bits in every run.
     pub fn is_deterministic(&self) -> bool {
         match &self.transport {
-            Transport::Kept(_) => true,
+            Transport::Kept(_) | Transport::Product(_) => true,
             Transport::Walked(walked) => walked.accumulation() == Accumulation::Fixed,
         }
     }
@@ -220,7 +285,12 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> TransportOperator for GpuOperator
 
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
         let (y, mut x) = (brought(self.range(), &weights.0)?, self.domain());
-        self.transport.squares(&y, &mut x)?;
+        match &self.transport {
+            Transport::Kept(kept) => kept.squares(&y, &mut x)?,
+            Transport::Walked(walked) => walked.squares(&y, &mut x)?,
+            // The squares of a product are no product of squares; the processor walks its rows once.
+            Transport::Product(_) => return self.rows.squares(weights),
+        }
         Ok(CpuVector(fetched(&x)?))
     }
 

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::extents::fit_to;
 use super::transport::LightMapOperator;
 use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints};
-use crate::cpu::{Transport, WalkPlan};
+use crate::cpu::WalkPlan;
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::CpuVector;
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
@@ -106,12 +106,7 @@ impl LightMapProblem {
 
     /// T with a strategy of the caller's.
     pub fn operator_with(&self, strategy: Strategy, budget: u64) -> Result<LightMapOperator> {
-        let traversal = self.traversal.clone();
-        Ok(if self.grey {
-            LightMapOperator::Grey(Transport::new(traversal, &self.plan, strategy, budget)?)
-        } else {
-            LightMapOperator::Colored(Transport::new(traversal, &self.plan, strategy, budget)?)
-        })
+        LightMapOperator::new(self.traversal.clone(), self.grey, &self.plan, strategy, budget)
     }
 
     /// The scattered radiance that a row should have, that from outside the light map included.

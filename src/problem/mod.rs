@@ -35,4 +35,7 @@ pub use solution::{Paused, Snapshot, Solved, SystemOperator, measure, method, mi
 pub use surfaces::{Surfaces, Traced};
 pub use system::{System, Weights};
 pub use transport::{HostOperator, LightMapOperator, TransportOperator};
-pub use volume::{AllVoxels, Desired, LeftOut, Model, Optics, VolumeOperator, VolumeProblem, VolumeRenderer};
+pub use volume::{
+    AllVoxels, Desired, LeftOut, LightColumns, LitRows, Model, Optics, SeenLights, VolumeOperator,
+    VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,
+};

@@ -1,8 +1,8 @@
 use crate::Result;
-use crate::cpu::{Storage, TileMetric, Tiling, Transport};
+use crate::cpu::{Storage, TileMetric, Tiling, Transport, WalkPlan};
 use crate::march::{LightMapTraversal, Traversal};
 use crate::operator::{CpuVector, Indexed, LinearOperator, Metric, Vector};
-use crate::scene::Rgb;
+use crate::scene::{Rgb, Strategy};
 
 /// `T` of a problem, wherever it is computed.
 pub trait TransportOperator: LinearOperator<Domain = Self::Vector, Range = Self::Vector> {
@@ -62,6 +62,26 @@ pub enum HostOperator<T> {
     Grey(Transport<T, f32, 1>),
     /// One weight a channel.
     Colored(Transport<T, f32, 3>),
+}
+
+impl<T: Traversal<f64, 1> + Traversal<f64, 3>> HostOperator<T> {
+    /// Keeps as many rows as `strategy` and the `budget` in bytes ask for; one weight serves all channels of grey rows. The plan
+    /// must be of the same traversal.
+    ///
+    /// Errors: [`crate::Error::TooLarge`] when all rows must be kept and do not fit.
+    pub fn new(
+        traversal: T,
+        is_grey: bool,
+        plan: &WalkPlan,
+        strategy: Strategy,
+        budget: u64,
+    ) -> Result<Self> {
+        Ok(if is_grey {
+            Self::Grey(Transport::new(traversal, plan, strategy, budget)?)
+        } else {
+            Self::Colored(Transport::new(traversal, plan, strategy, budget)?)
+        })
+    }
 }
 
 impl<T: Traversal<f64, 1> + Traversal<f64, 3>> TransportOperator for HostOperator<T> {

@@ -69,11 +69,15 @@ pub struct Report {
 }
 
 /// One property that was looked for.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct StageRecord {
-    /// `emission`, `albedo`, `joint` or `extinction`.
+    /// `emission`, `albedo`, `joint`, `extinction` or `environment`.
     pub find: String,
+    /// Counted from 1.
+    pub round: u64,
+    /// Whether what was found was kept: in rounds, only what brings the pictures no farther away.
+    pub is_taken: bool,
     /// How large the problem was.
     pub problem: Problem,
     /// How far the pictures were from what was wanted, and how far they are, under the model of the stage.
@@ -82,6 +86,27 @@ pub struct StageRecord {
     pub stop: StopRecord,
     /// How near the end is to a solution.
     pub certificate: Certificate,
+}
+
+impl StageRecord {
+    /// What its unknowns are.
+    pub fn unknowns(&self) -> &'static str {
+        if self.find == "environment" { "lights" } else { "voxels" }
+    }
+}
+
+impl Default for StageRecord {
+    fn default() -> Self {
+        Self {
+            find: String::new(),
+            round: 1,
+            is_taken: true,
+            problem: Problem::default(),
+            weighted_residual: Change::default(),
+            stop: StopRecord::default(),
+            certificate: Certificate::default(),
+        }
+    }
 }
 
 /// What a graphics adapter was given to do.

@@ -19,6 +19,8 @@ pub struct Pictures {
     pub coverage: Option<Vec<u8>>,
     /// What was found from all around, in place of a light map.
     pub turntable: Vec<Vec<u8>>,
+    /// The light around a volume as a latitude-longitude picture, where that was found.
+    pub environment: Option<Vec<u8>>,
 }
 
 /// The pictures of one view, each a PNG file in memory.
@@ -88,27 +90,40 @@ fn volume(report: &Report, pictures: &Pictures) -> Result<String> {
             figure("turn", &angle, "", &format!("turntable[{index}]"), png)
         })
         .collect::<Result<_>>()?;
-    let stages: String = report.stages.iter().map(stage).collect();
+    let has_rounds = report.stages.iter().any(|stage| stage.round > 1);
+    let stages: String = report.stages.iter().map(|record| stage(record, has_rounds)).collect();
+    let environment = match &pictures.environment {
+        Some(png) => {
+            let note = "all directions: up at the top, −Z in the middle";
+            figure("sky", "The light around it", note, "environment", png)?
+        }
+        None => String::new(),
+    };
     let turns = match turns.is_empty() {
         true => turns,
         false => format!("<div class=\"turns\">\n{turns}</div>\n"),
     };
+    let of_lights = report.stages.last().is_some_and(|last| last.unknowns() == "lights");
     Ok(format!(
-        "<section>\n<h2>Volume</h2>\n{turns}<table class=\"facts stages\">\n<thead><tr><th>looked for</th><th>pixels\
-         </th><th>voxels</th><th>iterations</th><th>before</th><th>after</th></tr></thead>\n<tbody>\n{stages}</tbody>\n\
-         </table>\n<p>Voxels that no wanted ray reaches keep their start value: {} of {}.</p>\n</section>\n",
+        "<section>\n<h2>Volume</h2>\n{turns}{environment}<table class=\"facts stages\">\n<thead><tr><th>looked for\
+         </th><th>pixels</th><th>unknowns</th><th>iterations</th><th>before</th><th>after</th></tr></thead>\n<tbody>\n{stages}</tbody>\n\
+         </table>\n<p>{} that no wanted ray reaches keep their start value: {} of {}.</p>\n</section>\n",
+        if of_lights { "Lights" } else { "Voxels" },
         count(report.coverage.unreached),
         count(report.coverage.total),
     ))
 }
 
 /// One line of the table of what was looked for.
-fn stage(stage: &StageRecord) -> String {
+fn stage(stage: &StageRecord, has_rounds: bool) -> String {
     format!(
-        "<tr><th>{}</th><td>{}</td><td>{}</td><td>{}, {}</td><td>{}</td><td>{}</td></tr>\n",
+        "<tr><th>{}{}{}</th><td>{}</td><td>{} {}</td><td>{}, {}</td><td>{}</td><td>{}</td></tr>\n",
+        if has_rounds { format!("{}. ", stage.round) } else { String::new() },
         escaped(&stage.find),
+        if stage.is_taken { "" } else { " (not taken)" },
         count(stage.problem.rows),
         count(stage.problem.active_unknowns),
+        stage.unknowns(),
         count(stage.stop.iteration),
         match stage.stop.reason.as_str() {
             "tolerance" | "exact" => "converged".to_owned(),

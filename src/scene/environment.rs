@@ -1,8 +1,9 @@
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{Image, Rgb};
+use super::{BasisLight, Image, LightBasis, Rgb};
 use crate::{Error, Result};
 
 /// Light from all directions, infinitely far away.
@@ -17,6 +18,7 @@ pub struct Environment {
 enum Sky {
     Constant(Rgb),
     Map(Image),
+    Lights(Arc<LightBasis>, Vec<Rgb>),
 }
 
 impl Environment {
@@ -27,7 +29,7 @@ impl Environment {
     ///
     /// Errors: [`Error::Value`] for a radiance that is negative or not finite, or no directions.
     pub fn constant(radiance: Rgb, directions: usize) -> Result<Self> {
-        if !radiance.iter().all(|&c| c.is_finite() && c >= 0.0) {
+        if !is_radiance(&radiance) {
             return Err(Error::value("radiance", format!("{radiance:?}"), "finite and not negative"));
         }
         Self::of(Sky::Constant(radiance), directions)
@@ -37,14 +39,28 @@ impl Environment {
     ///
     /// Errors: [`Error::Value`] naming a pixel that is negative or not finite, or no directions.
     pub fn map(picture: Image, directions: usize) -> Result<Self> {
-        let usable = |pixel: &Rgb| pixel.iter().all(|&c| c.is_finite() && c >= 0.0);
-        if let Some(index) = picture.pixels.iter().position(|pixel| !usable(pixel)) {
+        if let Some(index) = picture.pixels.iter().position(|pixel| !is_radiance(pixel)) {
             let width = picture.size()[0];
             let value =
                 format!("{:?} at pixel ({}, {})", picture.pixels[index], index % width, index / width);
             return Err(Error::value("file", value, "finite and not negative radiance"));
         }
         Self::of(Sky::Map(picture), directions)
+    }
+
+    /// A combination of basis functions, one colour each.
+    ///
+    /// Errors: [`Error::Shape`] when there is not one colour a light, [`Error::Value`] naming a light that is negative or not finite.
+    pub fn lights(basis: Arc<LightBasis>, colors: Vec<Rgb>) -> Result<Self> {
+        if colors.len() != basis.len() {
+            return Err(Error::Shape { what: "the lights", expected: basis.len(), got: colors.len() });
+        }
+        if let Some(number) = colors.iter().position(|color| !is_radiance(color)) {
+            let value = format!("{:?} of light {number}", colors[number]);
+            return Err(Error::value("lights", value, "finite and not negative radiance"));
+        }
+        // Their directions are their own.
+        Self::of(Sky::Lights(basis, colors), 1)
     }
 
     fn of(sky: Sky, directions: usize) -> Result<Self> {
@@ -59,7 +75,30 @@ impl Environment {
         match &self.sky {
             Sky::Constant(radiance) => *radiance == [0.0; 3],
             Sky::Map(picture) => picture.pixels.iter().all(|pixel| *pixel == [0.0; 3]),
+            Sky::Lights(_, colors) => colors.iter().all(|color| *color == [0.0; 3]),
         }
+    }
+
+    /// The picture of all directions that it is, if it is one.
+    pub(super) fn as_map(&self) -> Option<&Image> {
+        match &self.sky {
+            Sky::Map(picture) => Some(picture),
+            _ => None,
+        }
+    }
+
+    /// The combination of basis functions that it is, if it is one.
+    pub(super) fn as_lights(&self) -> Option<(&LightBasis, &[Rgb])> {
+        match &self.sky {
+            Sky::Lights(basis, colors) => Some((basis, colors)),
+            _ => None,
+        }
+    }
+
+    /// As a latitude-longitude picture of so many columns and rows.
+    pub fn picture(&self, size: [usize; 2]) -> Result<Image> {
+        let radiance = |pixel: usize| self.radiance(picture_direction(size, pixel));
+        Image::new(size, (0..size[0] * size[1]).map(radiance).collect())
     }
 
     /// Radiance that comes from a direction (of unit length, pointing there).
@@ -68,18 +107,18 @@ impl Environment {
             Sky::Constant(radiance) => *radiance,
             Sky::Map(picture) => {
                 let [width, height] = picture.size();
-                let u = (towards.x.atan2(-towards.z) / TAU + 0.5).rem_euclid(1.0);
-                let v = towards.y.clamp(-1.0, 1.0).acos() / PI;
+                let [u, v] = longitude_latitude(towards);
                 let pixel = |part: f64, side: usize| ((part * side as f64) as usize).min(side - 1);
                 picture.at(pixel(u, width), pixel(v, height))
             }
+            Sky::Lights(basis, colors) => basis.radiance(colors, towards),
         }
     }
 
     /// Directions spread evenly over the sphere, each with the radiance times solid angle that comes from its part of it:
-    /// of a map the mean over the pixels that are nearest to it.
+    /// of a map the mean over the pixels that are nearest to it, of basis functions their own directions.
     pub fn beams(&self) -> Vec<(DVec3, Rgb)> {
-        let points = fibonacci_sphere(self.directions);
+        let points = fibonacci(self.directions, 2.0);
         let share = 4.0 * PI / self.directions as f64;
         match &self.sky {
             Sky::Constant(radiance) => {
@@ -88,20 +127,23 @@ impl Environment {
             }
             Sky::Map(picture) => {
                 let mut sums = vec![[0.0f64; 3]; points.len()];
-                let [width, height] = picture.size();
                 for (index, pixel) in picture.pixels.iter().enumerate() {
-                    let (i, j) = (index % width, index / width);
-                    let polar = |j: usize| PI * j as f64 / height as f64;
-                    let angle = TAU / width as f64 * (polar(j).cos() - polar(j + 1).cos());
-                    let (theta, phi) = (
-                        PI * (j as f64 + 0.5) / height as f64,
-                        TAU * ((i as f64 + 0.5) / width as f64 - 0.5),
-                    );
-                    let towards = DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
+                    let angle = pixel_angle(picture.size(), index);
+                    let towards = picture_direction(picture.size(), index);
                     let sum = &mut sums[nearest(&points, towards)];
                     (0..3).for_each(|c| sum[c] += angle * f64::from(pixel[c]));
                 }
                 points.into_iter().zip(sums.into_iter().map(|sum| sum.map(|value| value as f32))).collect()
+            }
+            Sky::Lights(basis, colors) => {
+                let beams = |number: usize| {
+                    let color = colors[number].map(f64::from);
+                    basis
+                        .directions(number)
+                        .into_iter()
+                        .map(move |(towards, angle)| (towards, color.map(|value| (value * angle) as f32)))
+                };
+                (0..basis.len()).flat_map(beams).collect()
             }
         }
     }
@@ -112,6 +154,10 @@ impl Environment {
         match &self.sky {
             Sky::Constant(radiance) => largest(radiance),
             Sky::Map(picture) => picture.pixels.iter().map(largest).fold(0.0, f32::max),
+            Sky::Lights(basis, colors) => {
+                let middle = |light: &BasisLight| largest(&basis.radiance(colors, light.towards));
+                basis.lights().iter().map(middle).fold(0.0, f32::max)
+            }
         }
     }
 
@@ -125,16 +171,41 @@ impl Environment {
     }
 }
 
-/// Points in equal steps of height, turned by the golden angle from one to the next: even over the sphere.
-fn fibonacci_sphere(count: usize) -> Vec<DVec3> {
+fn is_radiance(color: &Rgb) -> bool {
+    color.iter().all(|&c| c.is_finite() && c >= 0.0)
+}
+
+/// Points in equal steps of height from 1 down by `height`, turned by the golden angle from one to the next: even over the sphere
+/// (2) or its upper half (1).
+pub(super) fn fibonacci(count: usize, height: f64) -> Vec<DVec3> {
     let golden = PI * (3.0 - 5f64.sqrt());
     (0..count)
         .map(|k| {
-            let y = 1.0 - (2.0 * k as f64 + 1.0) / count as f64;
+            let y = 1.0 - height * (k as f64 + 0.5) / count as f64;
             let (radius, angle) = ((1.0 - y * y).sqrt(), golden * k as f64);
             DVec3::new(radius * angle.cos(), y, radius * angle.sin())
         })
         .collect()
+}
+
+/// Where a direction lies in a latitude-longitude picture: from 0 to 1 across and down.
+pub(super) fn longitude_latitude(towards: DVec3) -> [f64; 2] {
+    let u = (towards.x.atan2(-towards.z) / TAU + 0.5).rem_euclid(1.0);
+    [u, towards.y.clamp(-1.0, 1.0).acos() / PI]
+}
+
+/// The direction of the middle of a pixel.
+pub(super) fn picture_direction([width, height]: [usize; 2], pixel: usize) -> DVec3 {
+    let (i, j) = (pixel % width, pixel / width);
+    let theta = PI * (j as f64 + 0.5) / height as f64;
+    let phi = TAU * ((i as f64 + 0.5) / width as f64 - 0.5);
+    DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos())
+}
+
+/// The solid angle of a pixel.
+pub(super) fn pixel_angle([width, height]: [usize; 2], pixel: usize) -> f64 {
+    let polar = |j: usize| PI * j as f64 / height as f64;
+    TAU / width as f64 * (polar(pixel / width).cos() - polar(pixel / width + 1).cos())
 }
 
 /// The nearest of points that stand by height.
@@ -187,8 +258,8 @@ mod tests {
     #[test]
     fn the_nearest_direction_is_the_nearest() {
         for count in [1, 2, 5, 64, 500] {
-            let points = fibonacci_sphere(count);
-            for towards in fibonacci_sphere(333) {
+            let points = fibonacci(count, 2.0);
+            for towards in fibonacci(333, 2.0) {
                 let all = |k: &usize| -points[*k].dot(towards);
                 let best = (0..count).map(|k| -all(&k)).fold(f64::NEG_INFINITY, f64::max);
                 assert!((points[nearest(&points, towards)].dot(towards) - best).abs() < 1e-12);

@@ -1,7 +1,8 @@
 use std::sync::Arc;
 
 use super::{
-    DirectionalLight, Environment, Geometry, Image, Interpolation, Rgb, SolveSettings, Target, View, Volume,
+    DirectionalLight, Environment, Geometry, Image, Interpolation, LightBasis, Rgb, SolveSettings, Target,
+    View, Volume,
 };
 
 /// Everything that a volume solve starts from.
@@ -13,8 +14,10 @@ pub struct VolumeScene {
     pub medium: VolumeMedium,
     /// Suns.
     pub lights: Vec<DirectionalLight>,
-    /// Light from everywhere.
+    /// Light from everywhere, as it is before the solve.
     pub environment: Environment,
+    /// What the environment is a combination of where it is looked for.
+    pub light_basis: Arc<LightBasis>,
     /// Voxels of the cached light along each axis; none: the extinction's for suns, up to 128, and half of them for the environment, from 16 to 64.
     pub light_size: Option<[usize; 3]>,
     /// What is seen where a ray leaves the volume and meets no surface; none: the environment.
@@ -27,6 +30,8 @@ pub struct VolumeScene {
     pub target: Target,
     /// What is looked for, in turn.
     pub stages: Vec<Find>,
+    /// How often the stages are gone through at most: over and over, until the pictures come no nearer.
+    pub rounds: usize,
     /// How extinction is looked for.
     pub extinction: ExtinctionSettings,
     /// Bounds of emission, albedo and extinction: the least and the largest value a channel.
@@ -84,11 +89,14 @@ pub enum Find {
     Joint,
     /// Extinction.
     Extinction,
+    /// The light around the volume.
+    Environment,
 }
 
 impl Find {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Emission, Self::Albedo, Self::Joint, Self::Extinction];
+    pub const ALL: [Self; 5] =
+        [Self::Emission, Self::Albedo, Self::Joint, Self::Extinction, Self::Environment];
 
     /// Its name in scene files and reports.
     pub fn name(self) -> &'static str {
@@ -97,6 +105,7 @@ impl Find {
             Self::Albedo => "albedo",
             Self::Joint => "joint",
             Self::Extinction => "extinction",
+            Self::Environment => "environment",
         }
     }
 }
@@ -119,11 +128,14 @@ pub struct PropertyBounds {
     pub albedo: [[f64; 3]; 2],
     /// Of extinction.
     pub extinction: [[f64; 3]; 2],
+    /// Of the environment's lights.
+    pub environment: [[f64; 3]; 2],
 }
 
 impl Default for PropertyBounds {
     fn default() -> Self {
         let not_negative = [[0.0; 3], [f64::INFINITY; 3]];
-        Self { emission: not_negative, albedo: [[0.0; 3], [1.0; 3]], extinction: not_negative }
+        let albedo = [[0.0; 3], [1.0; 3]];
+        Self { emission: not_negative, albedo, extinction: not_negative, environment: not_negative }
     }
 }

@@ -3,8 +3,9 @@ use std::collections::BTreeMap;
 use super::super::findings::{history, strategy, weights};
 use super::super::machine;
 use super::stage::Stage;
+use super::staging::{Distance, Outcome};
 use crate::march::Refraction;
-use crate::problem::{Desired, VolumeProblem};
+use crate::problem::VolumeProblem;
 use crate::report::{
     Certificate, Change, Coverage, Problem, Regularization, Report, Share, StageRecord, StopRecord, ViewMatch,
 };
@@ -13,16 +14,14 @@ use crate::scene::{Find, Interpolation, Quadrature, Rgb, Target, VolumeScene};
 /// Everything that a volume solve has found out, to be reported.
 pub(super) struct Findings<'a> {
     pub(super) scene: &'a VolumeScene,
-    pub(super) desired: &'a [Desired],
-    pub(super) stages: &'a [Stage],
+    pub(super) outcome: &'a Outcome,
 }
 
 impl Findings<'_> {
     /// The report: the numbers of the last stage, and a summary of each.
     pub(super) fn report(&self, timings: Vec<(String, f64)>) -> Report {
-        let Some((first, last)) = self.stages.first().zip(self.stages.last()) else {
-            return Report::default();
-        };
+        let last = &self.outcome.last;
+        let [before, after] = &self.outcome.distances;
         let outcome = &last.trial.solved.outcome;
         let lambda = last.trial.solved.weights;
         Report {
@@ -39,7 +38,7 @@ impl Findings<'_> {
             .to_owned(),
             solver: last.settings.solver.name().to_owned(),
             strategy: strategy(&last.trial.storage),
-            problem: self.size(last),
+            problem: size(last),
             regularization: Regularization {
                 tikhonov: lambda.tikhonov,
                 laplacian: lambda.laplacian,
@@ -53,38 +52,14 @@ impl Findings<'_> {
                 reason: outcome.stop.reason.name().to_owned(),
                 iteration: outcome.stop.iteration as u64,
             },
-            weighted_residual: Change { before: first.before.1, after: last.after.1 },
-            matched: self.matched(first, last),
+            weighted_residual: Change { before: before.all, after: after.all },
+            matched: self.matched([before, after]),
             timings: timings.into_iter().collect(),
             memory: self.memory(last),
             skipped: self.skipped(last),
             adjoint_error: last.trial.adjoint_error,
             coverage: covered(last),
-            stages: self.stages.iter().map(|stage| self.stage(stage)).collect(),
-        }
-    }
-
-    fn stage(&self, stage: &Stage) -> StageRecord {
-        let stop = stage.trial.solved.outcome.stop;
-        StageRecord {
-            find: stage.find.name().to_owned(),
-            problem: self.size(stage),
-            weighted_residual: Change { before: stage.before.1, after: stage.after.1 },
-            stop: StopRecord { reason: stop.reason.name().to_owned(), iteration: stop.iteration as u64 },
-            certificate: certificate(stage),
-        }
-    }
-
-    fn size(&self, stage: &Stage) -> Problem {
-        let storage = stage.trial.storage;
-        let problem = &stage.problem;
-        Problem {
-            rows: problem.targets.len() as u64,
-            unknowns: problem.voxels() as u64,
-            active_unknowns: stage.trial.solved.columns.len() as u64,
-            nonzeros: if storage.walked_rows == 0 { storage.kept_nonzeros } else { problem.plan.nonzeros },
-            views: self.desired.iter().filter(|view| view.is_wanted()).count() as u64,
-            size: problem.size().map(|side| side as u64).to_vec(),
+            stages: self.outcome.records.clone(),
         }
     }
 
@@ -94,7 +69,7 @@ impl Findings<'_> {
             Quadrature::Exact => "exact, cell by cell".to_owned(),
             Quadrature::March { steps } => format!("march of {steps} steps along the diagonal"),
         };
-        let finds: Vec<&str> = self.stages.iter().map(|stage| stage.find.name()).collect();
+        let finds: Vec<&str> = self.outcome.records.iter().map(|stage| stage.find.as_str()).collect();
         let mut settings = vec![
             ("looked_for", finds.join(", then ")),
             (
@@ -123,14 +98,14 @@ impl Findings<'_> {
         settings.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }
 
-    fn matched(&self, first: &Stage, last: &Stage) -> Vec<ViewMatch> {
-        let views = self.scene.views.iter().zip(self.desired).enumerate();
+    fn matched(&self, [before, after]: [&Distance; 2]) -> Vec<ViewMatch> {
+        let views = self.scene.views.iter().zip(&self.outcome.desired).enumerate();
         views
             .filter(|(_, (_, desired))| desired.is_wanted())
             .map(|(index, (view, desired))| ViewMatch {
                 view: view.view.name.clone(),
                 painted_pixels: desired.pixels.iter().filter(|pixel| pixel[3] > 0.0).count() as u64,
-                weighted_residual: Change { before: first.before.0[index], after: last.after.0[index] },
+                weighted_residual: Change { before: before.views[index], after: after.views[index] },
                 ..ViewMatch::default()
             })
             .collect()
@@ -156,22 +131,49 @@ impl Findings<'_> {
         let last = history.progress.last();
         let (walks, iterations) = last.map_or((0, 0), |last| (last.operator_applications, last.iteration));
         let share = |count: u64, of: u64| Share { count, of };
-        let voxels = problem.voxels() as u64;
+        let candidates = problem.candidates() as u64;
         let mut skipped = vec![
             ("pixels", share((pixels - rows) as u64, pixels as u64)),
-            ("unknowns", share(voxels - stage.trial.solved.columns.len() as u64, voxels)),
+            ("unknowns", share(candidates - stage.trial.solved.columns.len() as u64, candidates)),
             ("empty_bricks", share(empty as u64, bricks as u64)),
             ("channel_iterations", share(history.spared as u64, 3 * iterations as u64)),
             ("walks", share((walks * stage.trial.storage.kept_rows) as u64, (walks * rows) as u64)),
         ];
         if problem.outside_hull > 0 {
-            skipped.push(("outside_hull", share(problem.outside_hull as u64, voxels)));
+            skipped.push(("outside_hull", share(problem.outside_hull as u64, candidates)));
         }
         if problem.left_out.without_logarithm > 0 {
             let all = (rows + problem.left_out.without_logarithm) as u64;
             skipped.push(("without_logarithm", share(problem.left_out.without_logarithm as u64, all)));
         }
         skipped.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+    }
+}
+
+/// A stage in a few numbers.
+pub(super) fn record(stage: &Stage, round: usize, is_taken: bool, [before, after]: [f64; 2]) -> StageRecord {
+    let stop = stage.trial.solved.outcome.stop;
+    StageRecord {
+        find: stage.find.name().to_owned(),
+        round: round as u64 + 1,
+        is_taken,
+        problem: size(stage),
+        weighted_residual: Change { before, after },
+        stop: StopRecord { reason: stop.reason.name().to_owned(), iteration: stop.iteration as u64 },
+        certificate: certificate(stage),
+    }
+}
+
+fn size(stage: &Stage) -> Problem {
+    let storage = stage.trial.storage;
+    let problem = &stage.problem;
+    Problem {
+        rows: problem.targets.len() as u64,
+        unknowns: problem.candidates() as u64,
+        active_unknowns: stage.trial.solved.columns.len() as u64,
+        nonzeros: if storage.walked_rows == 0 { storage.kept_nonzeros } else { problem.plan.nonzeros },
+        views: problem.views() as u64,
+        size: problem.size().iter().map(|&side| side as u64).collect(),
     }
 }
 
@@ -209,7 +211,7 @@ fn certificate(stage: &Stage) -> Certificate {
 }
 
 fn covered(stage: &Stage) -> Coverage {
-    let total = stage.problem.voxels() as u64;
+    let total = stage.problem.candidates() as u64;
     let reached = stage.trial.solved.columns.len() as u64;
     let weak = stage.trial.coverage.0.iter().filter(|voxel| {
         let most = f64::from(voxel[0].max(voxel[1]).max(voxel[2]));

@@ -3,8 +3,8 @@
 use super::super::job::{allowed, check_memory, mebibytes};
 use crate::Result;
 use crate::cpu::Tiling;
-use crate::problem::VolumeProblem;
-use crate::scene::{MetricName, SolveSettings, VolumeScene, Weight};
+use crate::problem::{Optics, VolumeProblem, light_bytes};
+use crate::scene::{Find, MetricName, SolveSettings, VolumeScene, Weight};
 
 const COLOR: usize = size_of::<[f32; 3]>();
 
@@ -33,6 +33,16 @@ pub(in crate::cli) fn budget(
     let (allowed, needed) = (allowed(settings), stage_bytes(scene, settings, problem));
     check_memory("the solve without its matrix", needed, allowed, REMEDY)?;
     Ok(allowed - needed)
+}
+
+/// Errors: [`crate::Error::TooLarge`] when the light volumes that a stage would make exceed what may be used.
+pub(in crate::cli) fn check_light(scene: &VolumeScene, optics: &Optics, find: Find) -> Result<()> {
+    if find != Find::Environment {
+        return Ok(());
+    }
+    let needed = scene_bytes(scene) + light_bytes(scene, optics)?;
+    let remedy = "raise --memory, or lower environment.lights.count or light_size";
+    check_memory("one light volume for every light", needed, allowed(&scene.solve), remedy)
 }
 
 const REMEDY: &str = "raise --memory, or lower the volume's or the views' sizes";
@@ -85,8 +95,10 @@ pub(in crate::cli) fn stage_bytes(
     let rays = rows * size_of::<[u32; 2]>();
     // The padded vector of the operator, and the colours of all voxels while what was found is put among them.
     let padded = unknowns * size_of::<[f32; 4]>();
-    let replaced = 2 * COLOR * problem.voxels() / problem.traversal.parts().len().max(1);
+    let parts = problem.traversal.through_medium().parts().len().max(1);
+    let replaced = 2 * COLOR * problem.candidates() / parts;
     scene_bytes(scene)
         + ((vectors + rays + padded).max(replaced) + (64 << 20)) as u64
         + metric_bytes(settings, problem)
+        + problem.prepared_bytes()
 }

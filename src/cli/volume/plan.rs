@@ -9,7 +9,7 @@ use super::super::progress::Steps;
 use super::super::{Done, Manners, job, machine, to_json};
 use super::memory;
 use crate::problem::VolumeProblem;
-use crate::scene::Strategy;
+use crate::scene::{Find, Strategy};
 use crate::{Error, Result};
 
 /// Rows that are timed.
@@ -19,13 +19,15 @@ const SAMPLE: usize = 16384;
 struct Plan {
     scene: String,
     find: String,
+    /// What is looked for one by one: voxels, or lights.
+    unit: &'static str,
     views: usize,
     pixels: usize,
     rows: usize,
     /// Pixels whose rays meet nothing that is looked for, and those without a logarithm.
     beside: usize,
     without_logarithm: usize,
-    voxels: usize,
+    candidates: usize,
     unknowns: usize,
     outside_hull: usize,
     empty_bricks: usize,
@@ -56,20 +58,24 @@ pub(in crate::cli) fn plan(arguments: &SceneArguments, manners: &Manners) -> Res
         let mut settings = VolumeProblem::settings(&scene, find);
         memory::settle_metric(&scene, &mut settings, &problem);
         let budget = memory::budget(&scene, &settings, &problem)?;
+        let is_of_lights = find == Find::Environment;
         let kept = match settings.strategy {
             Strategy::MatrixFree => 0.0,
+            // Lights that do not fit are not kept in part: light volumes take their place.
+            Strategy::Auto if is_of_lights && problem.plan.bytes > budget => 0.0,
             _ => (budget as f64 / problem.plan.bytes.max(1) as f64).min(1.0),
         };
         let [empty_bricks, bricks] = problem.empty_bricks();
         plans.push(Plan {
             scene: scene.name.clone(),
             find: find.name().to_owned(),
+            unit: if is_of_lights { "lights" } else { "voxels" },
             views: scene.views.len(),
             pixels: scene.views.iter().map(|view| view.view.camera.size().iter().product::<usize>()).sum(),
             rows: problem.targets.len(),
             beside: problem.left_out.beside,
             without_logarithm: problem.left_out.without_logarithm,
-            voxels: problem.voxels(),
+            candidates: problem.candidates(),
             unknowns: problem.start.len(),
             outside_hull: problem.outside_hull,
             empty_bricks,
@@ -78,7 +84,7 @@ pub(in crate::cli) fn plan(arguments: &SceneArguments, manners: &Manners) -> Res
             matrix_bytes: problem.plan.bytes,
             other_bytes: memory::stage_bytes(&scene, &settings, &problem),
             budget_bytes: settings.memory.unwrap_or_else(machine::default_budget),
-            strategy: strategy(kept),
+            strategy: if is_of_lights && kept == 0.0 { "light volumes" } else { strategy(kept) },
             kept,
             set_up_seconds,
             seconds_per_iteration: seconds_per_iteration(&problem, kept)?,
@@ -107,7 +113,7 @@ fn words(plan: &Plan) -> String {
     format!(
         "{}, {}: {} views, {} pixels\n\
          rows        {} wanted pixels; {} more meet nothing that is looked for, {} have no logarithm\n\
-         unknowns    {} of {} voxels; {} are outside the visual hull, {} of {} bricks are empty\n\
+         unknowns    {} of {} {}; {} are outside the visual hull, {} of {} bricks are empty\n\
          non-zeros   about {}\n\
          matrix      {} if kept, and {} for everything else; {} are allowed\n\
          strategy    {} ({:.0} % of the rows are kept)\n\
@@ -120,7 +126,8 @@ fn words(plan: &Plan) -> String {
         plan.beside,
         plan.without_logarithm,
         plan.unknowns,
-        plan.voxels,
+        plan.candidates,
+        plan.unit,
         plan.outside_hull,
         plan.empty_bricks,
         plan.bricks,

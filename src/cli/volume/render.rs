@@ -3,7 +3,7 @@ use super::super::progress::{Steps, interrupted, watch_interrupt};
 use super::super::results::Folder;
 use super::super::{Done, Manners, job, to_json};
 use super::{nothing_asked, results, turntable};
-use crate::problem::{Optics, VolumeProblem, VolumeRenderer};
+use crate::problem::{Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use crate::{Error, Result};
 
 /// `unscatter render` of a volume: its views, and a turn around it.
@@ -19,7 +19,7 @@ pub(in crate::cli) fn render(arguments: &RenderArguments, manners: &Manners) -> 
     let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
     watch_interrupt()?;
     steps.begin("lighting", None);
-    let optics = Optics::new(&scene, &scene.medium)?;
+    let optics = Optics::new(&scene, &VolumeState::of(&scene)?)?;
     let last = *scene.stages.last().ok_or_else(nothing_asked)?;
     let renderer = VolumeRenderer::new(&scene, &scene.medium, &optics, VolumeProblem::model(&scene, last));
     steps.begin("rendering", Some(scene.views.len() as u64));

@@ -8,16 +8,18 @@ use super::super::results::Folder;
 use super::super::resume;
 use super::memory;
 use crate::operator::Vector;
-use crate::problem::{Desired, Optics, Paused, TransportOperator, VolumeProblem, VolumeRenderer, minimize};
+use crate::problem::{
+    Desired, Optics, Paused, TransportOperator, VolumeProblem, VolumeRenderer, VolumeState, minimize,
+};
 use crate::report::Work;
-use crate::scene::{Find, Rgb, SolveSettings, VolumeMedium, VolumeScene};
+use crate::scene::{Find, Rgb, SolveSettings, VolumeScene};
 use crate::{Error, Result};
 
 /// One property to be found.
 #[derive(Clone, Copy)]
 pub(super) struct Task<'a> {
     pub(super) scene: &'a VolumeScene,
-    pub(super) medium: &'a VolumeMedium,
+    pub(super) state: &'a VolumeState,
     pub(super) optics: &'a Optics,
     pub(super) desired: &'a [Desired],
     pub(super) find: Find,
@@ -29,11 +31,8 @@ pub(super) struct Stage {
     pub(super) problem: VolumeProblem,
     pub(super) settings: SolveSettings,
     pub(super) trial: Trial,
-    /// The medium with what was found.
-    pub(super) medium: VolumeMedium,
-    /// How far the pictures were from what is wanted, view by view and all together, and how far they are.
-    pub(super) before: (Vec<f64>, f64),
-    pub(super) after: (Vec<f64>, f64),
+    /// The state with what was found.
+    pub(super) state: VolumeState,
     /// `cpu` or `gpu`, and its name.
     pub(super) backend: &'static str,
     pub(super) device: String,
@@ -53,7 +52,9 @@ impl Task<'_> {
     ) -> Result<Stage> {
         steps.begin("tracing", None);
         let mut settings = VolumeProblem::settings(self.scene, self.find);
-        let problem = VolumeProblem::new(self.scene, self.medium, self.optics, self.desired, self.find)?;
+        memory::check_light(self.scene, self.optics, self.find)?;
+        let problem =
+            VolumeProblem::new(self.scene, &self.state.medium, self.optics, self.desired, self.find)?;
         memory::settle_metric(self.scene, &mut settings, &problem);
         let budget = memory::budget(self.scene, &settings, &problem)?;
         let checkpoint = resume::Keeper::new(folder, resume::of_volume(&settings, &problem));
@@ -102,28 +103,15 @@ impl Task<'_> {
                     Ok((trial, "gpu", device(record), Some(work)))
                 }
             })?;
-        let medium = problem.apply(self.medium, &trial.solved.x)?;
-        let nowhere = || (Vec::new(), 0.0);
-        Ok(Stage {
-            find: self.find,
-            problem,
-            settings,
-            trial,
-            medium,
-            before: nowhere(),
-            after: nowhere(),
-            backend,
-            device,
-            work,
-            other_bytes,
-        })
+        let state = problem.apply(self.state, &trial.solved.x)?;
+        Ok(Stage { find: self.find, problem, settings, trial, state, backend, device, work, other_bytes })
     }
 
     fn preview(&self, problem: &VolumeProblem, folder: &Folder, x: &[Rgb]) -> Result<()> {
-        let medium = problem.apply(self.medium, x)?;
-        let optics = Optics::new(self.scene, &medium)?;
+        let state = problem.apply(self.state, x)?;
+        let optics = Optics::new(self.scene, &state)?;
         let model = VolumeProblem::model(self.scene, self.find);
-        let renderer = VolumeRenderer::new(self.scene, &medium, &optics, model);
+        let renderer = VolumeRenderer::new(self.scene, &state.medium, &optics, model);
         for (view, seen) in self.scene.views.iter().enumerate() {
             let name = format!("{}_after", seen.view.name);
             folder.write_picture(&name, &renderer.picture(view)?, self.scene.exposure)?;

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use ::image::codecs::hdr::HdrEncoder;
 use ::image::codecs::png::PngEncoder;
 use ::image::{
-    DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageError, ImageFormat, ImageReader, Limits,
+    DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageError, ImageFormat, ImageReader,
+    Limits, Rgb,
 };
 use rayon::prelude::*;
 
@@ -34,6 +36,23 @@ pub(super) fn png_bytes(image: &Image, exposure: f64) -> Result<Vec<u8>> {
     PngEncoder::new(&mut bytes)
         .write_image(&codes, width, height, ExtendedColorType::Rgb8)
         .map_err(|error| Error::Machine(format!("a PNG picture could not be encoded: {error}")))?;
+    Ok(bytes)
+}
+
+/// Expects a picture that can be written.
+pub(super) fn hdr_bytes(image: &Image) -> Result<Vec<u8>> {
+    if let Some(pixel) = image.pixels.iter().find(|pixel| pixel.iter().any(|&value| value < 0.0)) {
+        return Err(Error::value(
+            "a pixel",
+            format!("{pixel:?}"),
+            "not negative, which HDR files cannot hold",
+        ));
+    }
+    let pixels: Vec<Rgb<f32>> = image.pixels.iter().map(|&pixel| Rgb(pixel)).collect();
+    let mut bytes = Vec::new();
+    HdrEncoder::new(&mut bytes)
+        .encode(&pixels, image.size()[0], image.size()[1])
+        .map_err(|error| Error::Machine(format!("an HDR picture could not be encoded: {error}")))?;
     Ok(bytes)
 }
 

@@ -1,4 +1,4 @@
-//! Pictures in and out: EXR is linear, PNG and JPEG are sRGB, HDR is read only.
+//! Pictures in and out: EXR is linear, PNG and JPEG are sRGB, HDR is linear with shared exponents.
 
 mod coded;
 mod openexr;
@@ -30,6 +30,15 @@ pub fn png_bytes(image: &Image, exposure: f64) -> Result<Vec<u8>> {
 pub fn write_png(path: &Path, image: &Image, exposure: f64) -> Result<()> {
     check_writable(image, &path.display().to_string())?;
     let bytes = coded::png_bytes(image, exposure)?;
+    write_whole(path, |file| file.write_all(&bytes).map_err(|source| file_error("write", path, source)))
+}
+
+/// Writes the picture as Radiance HDR: linear, with 8 bits a channel and one exponent for the three.
+///
+/// Errors: as [`png_bytes`], [`Error::Value`] for a pixel that is negative, and [`Error::File`].
+pub fn write_hdr(path: &Path, image: &Image) -> Result<()> {
+    check_writable(image, &path.display().to_string())?;
+    let bytes = coded::hdr_bytes(image)?;
     write_whole(path, |file| file.write_all(&bytes).map_err(|source| file_error("write", path, source)))
 }
 

@@ -46,7 +46,7 @@ pub use solve::{MetricName, Quadrature, Solve, Solver, Strategy};
 pub use transform::{LookAt, Rotate, Transform};
 pub use view::{Camera, FovAxis, GltfCameraNode, Stroke, View};
 pub use volume::{
-    Capsule, Environment, Extinction, Field, FieldSource, Find, GridSize, Interpolation, Noise,
+    Capsule, Environment, Extinction, Field, FieldSource, Find, GridSize, Interpolation, Lights, Noise, Over,
     PropertyBounds, Pull, Range, Refraction, Shape, Shapes, Sphere, TransformsFile, Volume, VolumeDocument,
     VolumeView,
 };

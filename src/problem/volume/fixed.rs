@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use super::extinction::log_row;
 use super::renderer::carried;
-use super::searched::Searched;
-use super::{Desired, Optics, luminance};
+use super::{Desired, Optics, SeenLights, luminance};
 use crate::cpu::near_medium;
 use crate::march::{Part, Quantity, VolumeTraversal};
 use crate::scene::{Find, Rgb, Volume, VolumeMedium, VolumeScene, VoxelSet};
@@ -34,7 +33,7 @@ impl<'a> Fixed<'a> {
         scene: &'a VolumeScene,
         medium: &'a VolumeMedium,
         optics: &'a Optics,
-        searched: &Searched,
+        (parts, outside_hull): (&[Part], usize),
         find: Find,
     ) -> Self {
         let mut known = Vec::new();
@@ -42,14 +41,13 @@ impl<'a> Fixed<'a> {
             if volume.range() == [0.0; 2] {
                 return;
             }
-            let elements = searched
-                .parts
+            let elements = parts
                 .iter()
                 .find(|part| std::mem::discriminant(&part.quantity) == std::mem::discriminant(&quantity));
             let all = near_medium(&optics.density, volume.grid());
             let elements = elements.map(|part| Arc::new(part.voxels().clone()));
             // Where all that has any weight is an element, nothing of it is known.
-            if elements.is_some() && searched.outside_hull == 0 {
+            if elements.is_some() && outside_hull == 0 {
                 return;
             }
             let part = Part::new(quantity, *volume.grid(), Arc::new(all), optics.density.interpolation());
@@ -59,12 +57,13 @@ impl<'a> Fixed<'a> {
             add(Quantity::Extinction, &medium.extinction);
         } else {
             add(Quantity::Emission, &medium.emission);
-            if let Some(light) = &optics.light {
+            let light = if find == Find::Environment { &optics.suns } else { &optics.light };
+            if let Some(light) = light {
                 add(Quantity::Albedo(light.clone()), &medium.albedo);
             }
         }
         let brightest = |color: Rgb| color.into_iter().fold(0.0, f32::max);
-        let behind = scene.background.map_or(scene.environment.brightest(), brightest);
+        let behind = scene.background.map_or(optics.environment().brightest(), brightest);
         let scale = f64::from(behind.max(brightest(scene.extinction.medium_radiance)));
         Self { scene, optics, find, known, scale: if scale > 0.0 { scale } else { 1.0 } }
     }
@@ -82,11 +81,23 @@ impl<'a> Fixed<'a> {
         fixed
     }
 
-    pub(super) fn row(&self, traversal: &VolumeTraversal, row: usize, wanted: Rgb, weight: f32) -> Row {
-        if !traversal.meets_elements(row) {
+    /// What a row becomes; `seen` are the lights that are looked for, if any are.
+    pub(super) fn row(
+        &self,
+        traversal: &VolumeTraversal,
+        seen: Option<&SeenLights>,
+        row: usize,
+        [r, g, b, weight]: [f32; 4],
+    ) -> Row {
+        let wanted = [r, g, b];
+        let sees_lights = || seen.is_some_and(|seen| seen.sees(row));
+        if !traversal.meets_elements(row) && !sees_lights() {
             return Row::Beside;
         }
-        let behind = self.optics.background(self.scene, traversal.rays(), row);
+        let behind = match self.find {
+            Find::Environment => self.optics.known_background(self.scene, traversal.rays(), row),
+            _ => self.optics.background(self.scene, traversal.rays(), row),
+        };
         if self.find == Find::Extinction {
             let settings = &self.scene.extinction;
             let medium = settings.medium_radiance;

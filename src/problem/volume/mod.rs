@@ -1,6 +1,7 @@
-//! Volumes from pictures: emission, albedo, both, or extinction (Klehm 2015, chapter 7).
+//! Volumes from pictures: emission, albedo, both, extinction, or the light around them (Klehm 2015, chapter 7).
 
 mod desired;
+mod environment;
 mod extinction;
 mod fixed;
 mod hull;
@@ -8,12 +9,17 @@ mod operator;
 mod optics;
 mod problem;
 mod renderer;
+mod rows;
 mod searched;
+mod state;
 
 pub use desired::Desired;
+pub use environment::{LightColumns, LitRows, SeenLights, light_bytes};
 pub use operator::VolumeOperator;
 pub use optics::Optics;
 pub use problem::{AllVoxels, LeftOut, VolumeProblem};
 pub use renderer::{Model, VolumeRenderer};
+pub use rows::VolumeRows;
+pub use state::VolumeState;
 
 use super::luminance;

@@ -3,9 +3,12 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::VolumeState;
 use crate::cpu::{Beam, light_volume};
 use crate::march::{Density, InScattering, LitVolume, PixelRays, Refraction, VolumeTransport};
-use crate::scene::{Hit, Ray, Rgb, VolumeMedium, VolumeScene, VoxelGrid, henyey_greenstein};
+use crate::scene::{
+    DirectionalLight, Environment, Hit, Ray, Rgb, VolumeMedium, VolumeScene, VoxelGrid, henyey_greenstein,
+};
 use crate::{Error, Result};
 
 /// Voxels of the cached light along an axis where the scene does not say how many. A sun casts shadows, which are sharp: as
@@ -21,25 +24,58 @@ pub struct Optics {
     pub density: Arc<Density>,
     /// Light to be scattered; none where it is dark.
     pub light: Option<Arc<InScattering>>,
+    /// The part of it that comes from suns.
+    pub suns: Option<Arc<InScattering>>,
     /// What bends the rays.
     pub refraction: Option<Arc<Refraction>>,
-    /// Mean radiance of the environment, which surfaces reflect.
+    /// What comes from everywhere else.
+    environment: Environment,
+    /// Its mean radiance, which surfaces reflect.
     around: Rgb,
 }
 
+/// What a ray sees behind the volume.
+pub(super) enum Behind {
+    /// Radiance that does not depend on the environment.
+    Known(Rgb),
+    /// The environment in a direction.
+    Sky(DVec3),
+    /// A diffuse surface: its albedo, and what it reflects of the suns.
+    Surface(Rgb, Rgb),
+}
+
 impl Optics {
-    /// Prepares a medium under the light of a scene: the light that arrives is attenuated and shadowed once, and cached.
+    /// Prepares a medium under the suns of a scene and its environment: the light that arrives is attenuated and shadowed once,
+    /// and cached.
     ///
     /// Errors: [`Error::Value`] for anisotropic scattering of environment light, which would need one cached volume a
     /// direction.
-    pub fn new(scene: &VolumeScene, medium: &VolumeMedium) -> Result<Self> {
+    pub fn new(scene: &VolumeScene, state: &VolumeState) -> Result<Self> {
+        let VolumeState { medium, environment } = state;
         let density = Arc::new(Density::new(medium.extinction.clone(), medium.interpolation));
         let refraction = medium.refraction.as_ref().map(|(index, step)| {
             let step = step.unwrap_or_else(|| 0.5 * shortest_side(index.grid()));
             Ok::<_, Error>(Arc::new(Refraction::new(index.clone(), step)?))
         });
-        let light = light(scene, medium, &density)?;
-        Ok(Self { density, light, refraction: refraction.transpose()?, around: scene.environment.mean() })
+        let sky = sky(scene, medium, environment, &density)?;
+        let suns = suns(scene, medium, &density)?;
+        let together = |fields: Vec<LitVolume>| match fields.is_empty() {
+            true => None,
+            false => Some(Arc::new(InScattering::new(fields))),
+        };
+        Ok(Self {
+            light: together(sky.into_iter().chain(suns.iter().cloned()).collect()),
+            suns: together(suns),
+            density,
+            refraction: refraction.transpose()?,
+            around: environment.mean(),
+            environment: environment.clone(),
+        })
+    }
+
+    /// What comes from everywhere but the suns.
+    pub fn environment(&self) -> &Environment {
+        &self.environment
     }
 
     /// What all rays share.
@@ -64,17 +100,37 @@ impl Optics {
 
     /// What a ray sees behind the volume: the radiance there, before it passes the medium.
     pub fn background(&self, scene: &VolumeScene, rays: &PixelRays, row: usize) -> Rgb {
+        match self.behind(scene, rays, row) {
+            Behind::Known(color) => color,
+            Behind::Sky(towards) => self.environment.radiance(towards),
+            Behind::Surface(albedo, suns) => std::array::from_fn(|c| albedo[c] * self.around[c] + suns[c]),
+        }
+    }
+
+    /// The part of it that is not the environment's.
+    pub(super) fn known_background(&self, scene: &VolumeScene, rays: &PixelRays, row: usize) -> Rgb {
+        match self.behind(scene, rays, row) {
+            Behind::Known(color) => color,
+            Behind::Sky(_) => [0.0; 3],
+            Behind::Surface(_, suns) => suns,
+        }
+    }
+
+    pub(super) fn behind(&self, scene: &VolumeScene, rays: &PixelRays, row: usize) -> Behind {
         let [view, pixel] = rays.pixel(row);
         let picture = scene.views.get(view as usize).and_then(|view| view.background.as_ref());
         let known = picture.map(|picture| picture.pixels[pixel as usize]).or(scene.background);
         if let (true, Some(color)) = (is_open(scene), known) {
-            return color;
+            return Behind::Known(color);
         }
         let (ray, hit) = self.end(scene, rays, row);
         match (hit, known) {
-            (Some((_, hit)), _) => self.surface(scene, ray.at(hit.distance), hit.normal, hit.albedo),
-            (None, Some(color)) => color,
-            (None, None) => scene.environment.radiance(ray.direction),
+            (Some((_, hit)), _) => {
+                let suns = self.reflected(scene, ray.at(hit.distance), hit.normal);
+                Behind::Surface(hit.albedo, std::array::from_fn(|c| hit.albedo[c] * suns[c]))
+            }
+            (None, Some(color)) => Behind::Known(color),
+            (None, None) => Behind::Sky(ray.direction),
         }
     }
 
@@ -90,9 +146,9 @@ impl Optics {
         end
     }
 
-    /// Radiance of a diffuse surface: suns through the medium, and the mean of the environment.
-    fn surface(&self, scene: &VolumeScene, point: DVec3, normal: DVec3, albedo: Rgb) -> Rgb {
-        let mut sum = self.around.map(f64::from);
+    /// Radiance that a white diffuse surface reflects of the suns, through the medium.
+    fn reflected(&self, scene: &VolumeScene, point: DVec3, normal: DVec3) -> Rgb {
+        let mut sum = [0.0; 3];
         for sun in &scene.lights {
             let cosine = -normal.dot(sun.direction);
             let lifted = point + normal * (1e-4 * (1.0 + point.length()));
@@ -105,7 +161,7 @@ impl Optics {
                 sum[c] += f64::from(sun.radiance[c]) * cosine / std::f64::consts::PI * (-tau[c]).exp();
             }
         }
-        std::array::from_fn(|c| (f64::from(albedo[c]) * sum[c]) as f32)
+        sum.map(|value| value as f32)
     }
 }
 
@@ -115,49 +171,67 @@ pub(super) fn open_rays(scene: &VolumeScene, pixels: &[[u32; 2]]) -> PixelRays {
     PixelRays::new(cameras.into(), pixels, Vec::new().into())
 }
 
-fn light(scene: &VolumeScene, medium: &VolumeMedium, density: &Density) -> Result<Option<Arc<InScattering>>> {
-    let sky = !scene.environment.is_dark();
-    let suns: Vec<_> = scene.lights.iter().filter(|sun| sun.radiance != [0.0; 3]).collect();
-    if density.cells().is_empty() || (!sky && suns.is_empty()) {
+/// The grid of the cached light.
+fn light_grid(scene: &VolumeScene, density: &Density, side: impl Fn(usize) -> usize) -> Result<VoxelGrid> {
+    let size = scene.light_size.unwrap_or(density.grid().size().map(side));
+    VoxelGrid::over_cube(size, density.grid().world_from_cube())
+}
+
+/// The grid of the light from everywhere.
+pub(super) fn sky_grid(scene: &VolumeScene, density: &Density) -> Result<VoxelGrid> {
+    light_grid(scene, density, sky_side)
+}
+
+/// Light from one direction, times the phase function of scattering that is the same in all directions.
+pub(super) fn scattered(towards: DVec3, radiance: Rgb) -> Beam {
+    let isotropic = henyey_greenstein(0.0, 0.0);
+    Beam { towards, radiance: radiance.map(|value| (f64::from(value) * isotropic) as f32) }
+}
+
+/// Errors: [`Error::Value`] where the phase function depends on the view, so that every direction would need a volume.
+pub(super) fn check_phase(medium: &VolumeMedium) -> Result<()> {
+    if medium.g == 0.0 {
+        return Ok(());
+    }
+    Err(Error::value("volume.g", medium.g, "0 where there is environment light"))
+}
+
+fn sky(
+    scene: &VolumeScene,
+    medium: &VolumeMedium,
+    environment: &Environment,
+    density: &Density,
+) -> Result<Option<LitVolume>> {
+    if density.cells().is_empty() || environment.is_dark() {
         return Ok(None);
     }
-    let grid = |side: &dyn Fn(usize) -> usize| {
-        let size = scene.light_size.unwrap_or(density.grid().size().map(side));
-        VoxelGrid::over_cube(size, density.grid().world_from_cube())
-    };
-    let mut fields = Vec::new();
-    let mut add = |along, grid, beams: &[Beam]| -> Result<()> {
+    check_phase(medium)?;
+    let beams = environment.beams().into_iter().filter(|(_, radiance)| *radiance != [0.0; 3]);
+    let beams: Vec<Beam> = beams.map(|(towards, radiance)| scattered(towards, radiance)).collect();
+    let radiance = light_volume(density, &scene.geometry, sky_grid(scene, density)?, &beams)?;
+    Ok(Some(LitVolume { along: None, radiance: Arc::new(radiance) }))
+}
+
+fn suns(scene: &VolumeScene, medium: &VolumeMedium, density: &Density) -> Result<Vec<LitVolume>> {
+    let suns: Vec<_> = scene.lights.iter().filter(|sun| sun.radiance != [0.0; 3]).collect();
+    if density.cells().is_empty() || suns.is_empty() {
+        return Ok(Vec::new());
+    }
+    let grid = light_grid(scene, density, |side| side.min(SUN_SIDE))?;
+    let lit = |along, beams: &[Beam]| -> Result<LitVolume> {
         let radiance = Arc::new(light_volume(density, &scene.geometry, grid, beams)?);
-        fields.push(LitVolume { along, radiance });
-        Ok(())
+        Ok(LitVolume { along, radiance })
     };
     // Where the phase function does not depend on the view, it is part of what arrives.
-    let isotropic = henyey_greenstein(0.0, 0.0);
-    let scattered = |towards, radiance: Rgb| Beam {
-        towards,
-        radiance: radiance.map(|value| (f64::from(value) * isotropic) as f32),
-    };
-    if sky {
-        if medium.g != 0.0 {
-            return Err(Error::value("volume.g", medium.g, "0 where there is environment light"));
-        }
-        let beams = scene.environment.beams().into_iter().filter(|(_, radiance)| *radiance != [0.0; 3]);
-        let beams: Vec<Beam> = beams.map(|(towards, radiance)| scattered(towards, radiance)).collect();
-        add(None, grid(&sky_side)?, &beams)?;
-    }
-    let of_suns = grid(&|side| side.min(SUN_SIDE))?;
     if medium.g == 0.0 {
         let beams: Vec<Beam> = suns.iter().map(|sun| scattered(-sun.direction, sun.radiance)).collect();
-        if !beams.is_empty() {
-            add(None, of_suns, &beams)?;
-        }
-    } else {
-        for sun in suns {
-            let beam = Beam { towards: -sun.direction, radiance: sun.radiance };
-            add(Some((sun.direction, medium.g)), of_suns, &[beam])?;
-        }
+        return Ok(vec![lit(None, &beams)?]);
     }
-    Ok(Some(Arc::new(InScattering::new(fields))))
+    let of_sun = |sun: &&DirectionalLight| {
+        let beam = Beam { towards: -sun.direction, radiance: sun.radiance };
+        lit(Some((sun.direction, medium.g)), &[beam])
+    };
+    suns.iter().map(of_sun).collect()
 }
 
 /// Voxels of the light from everywhere beside so many of the medium.

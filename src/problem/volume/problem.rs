@@ -2,17 +2,20 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::environment::check_light;
 use super::fixed::{Fixed, Row, wanted_pixels};
 use super::optics::open_rays;
 use super::renderer::is_grey;
 use super::searched::Searched;
-use super::{Desired, Model, Optics, VolumeOperator};
-use crate::cpu::{Transport, WalkPlan};
+use super::{
+    Desired, LightColumns, LitRows, Model, Optics, SeenLights, VolumeOperator, VolumeRows, VolumeState,
+};
+use crate::cpu::WalkPlan;
 use crate::march::{Part, Quantity, Traversal, VolumeTraversal, Weight};
 use crate::operator::{Bounds, CpuVector};
 use crate::problem::{Formulation, Lattice, Start, Steering};
 use crate::scene::{
-    Find, MetricName, Rgb, SolveSettings, Strategy, Volume, VolumeMedium, VolumeScene, VoxelSet,
+    Environment, Find, MetricName, Rgb, SolveSettings, Strategy, Volume, VolumeMedium, VolumeScene, VoxelSet,
 };
 use crate::{Error, Result};
 
@@ -33,7 +36,7 @@ pub struct VolumeProblem {
     /// What is looked for.
     pub find: Find,
     /// The rows of T.
-    pub traversal: VolumeTraversal,
+    pub traversal: VolumeRows,
     /// b: of emission and albedo the radiance that rows should have from what is looked for alone, of extinction the optical
     /// depth.
     pub targets: Vec<Rgb>,
@@ -51,7 +54,7 @@ pub struct VolumeProblem {
     wanted: [f64; 3],
     /// The place of each element among the voxels of its grid, one grid behind the other.
     places: Vec<u32>,
-    size: [usize; 3],
+    size: Vec<usize>,
     bounds: Bounds,
     steering: Option<Steering>,
     grey: bool,
@@ -75,13 +78,13 @@ impl VolumeProblem {
         let lengths = optics.lengths(scene, &rays);
         let rays = rays.until(lengths.into());
         let all = VolumeTraversal::new(optics.transport(scene, medium), rays, searched.parts.clone());
-        let fixed = Fixed::new(scene, medium, optics, &searched, find);
+        let seen = (find == Find::Environment).then(|| SeenLights::new(scene, optics, &all));
+        let fixed = Fixed::new(scene, medium, optics, (&searched.parts, searched.outside_hull), find);
         let rows: Vec<Row> = (0..pixels.len())
             .into_par_iter()
             .map(|row| {
                 let [view, pixel] = pixels[row];
-                let [r, g, b, weight] = desired[view as usize].pixels[pixel as usize];
-                fixed.row(&all, row, [r, g, b], weight)
+                fixed.row(&all, seen.as_ref(), row, desired[view as usize].pixels[pixel as usize])
             })
             .collect();
         let kept: Vec<usize> = (0..rows.len()).filter(|&row| matches!(rows[row], Row::Kept { .. })).collect();
@@ -103,8 +106,18 @@ impl VolumeProblem {
                 (0..3).for_each(|c| wanted[c] += f64::from(weight[c]) * f64::from(shown[c]).powi(2));
             }
         }
-        let traversal = all.along(all.rays().picked(&kept));
-        let grey = searched.parts.iter().all(|part| is_grey(&traversal, part));
+        let mut grey = searched.parts.iter().all(|part| is_grey(&all, part));
+        let traversal = match seen {
+            None => VolumeRows::Voxels(all.along(all.rays().picked(&kept))),
+            Some(seen) => {
+                // Surfaces may be of any colour.
+                grey &= scene.geometry.mesh().triangles.is_empty();
+                let columns = Arc::new(LightColumns::new(scene, optics, &searched.parts[0])?);
+                let rows = LitRows { scattered: all, columns, seen }.picked(&kept);
+                check_light(&rows)?;
+                VolumeRows::Lights(rows)
+            }
+        };
         let plan = plan(&traversal, grey);
         let Searched { start, places, size, bounds, steering, outside_hull, .. } = searched;
         Ok(Self {
@@ -139,6 +152,7 @@ impl VolumeProblem {
             Find::Emission | Find::Joint => scene.bounds.emission,
             Find::Albedo => scene.bounds.albedo,
             Find::Extinction => scene.bounds.extinction,
+            Find::Environment => scene.bounds.environment,
         };
         // Tiles of 64 voxels cost several times what a row's few voxels do, and save few iterations (docs/volumes.md).
         let metric = match scene.solve.metric {
@@ -152,12 +166,7 @@ impl VolumeProblem {
     ///
     /// Errors: [`Error::TooLarge`] when all of it must be kept and does not fit.
     pub fn operator(&self, strategy: Strategy, budget: u64) -> Result<VolumeOperator> {
-        let traversal = self.traversal.clone();
-        Ok(if self.grey {
-            VolumeOperator::Grey(Transport::new(traversal, &self.plan, strategy, budget)?)
-        } else {
-            VolumeOperator::Colored(Transport::new(traversal, &self.plan, strategy, budget)?)
-        })
+        VolumeOperator::new(&self.traversal, self.grey, &self.plan, strategy, budget)
     }
 
     /// The problem as methods solve it.
@@ -172,6 +181,7 @@ impl VolumeProblem {
             steering: self.steering,
             remedy: match self.find {
                 Find::Albedo => "raise the extinction, or the light",
+                Find::Environment => "raise the extinction or the albedo, or let views see the sky",
                 _ => "raise the extinction, or use another unit of length",
             },
         }
@@ -193,7 +203,7 @@ impl VolumeProblem {
     /// The problem of some of its rows.
     fn picked(&self, picked: &[usize]) -> Self {
         let every = |values: &[Rgb]| picked.iter().map(|&row| values[row]).collect();
-        let traversal = self.traversal.along(self.traversal.rays().picked(picked));
+        let traversal = self.traversal.picked(picked);
         Self {
             targets: every(&self.targets),
             weights: every(&self.weights),
@@ -201,6 +211,7 @@ impl VolumeProblem {
             traversal,
             start: self.start.clone(),
             places: self.places.clone(),
+            size: self.size.clone(),
             ..*self
         }
     }
@@ -212,11 +223,12 @@ impl VolumeProblem {
 
     /// What all voxels start from, in the order (z, y, x).
     pub fn all_starts(&self, medium: &VolumeMedium) -> Vec<Rgb> {
+        let VolumeRows::Voxels(traversal) = &self.traversal else { return self.start.clone() };
         let colors = |part: &Part| {
             let volume = property(medium, &part.quantity);
             (0..volume.grid().len()).map(|index| volume.color(index)).collect::<Vec<Rgb>>()
         };
-        self.traversal.parts().iter().flat_map(colors).collect()
+        traversal.parts().iter().flat_map(colors).collect()
     }
 
     /// The row weights, one colour a row.
@@ -224,19 +236,39 @@ impl VolumeProblem {
         CpuVector(self.weights.clone())
     }
 
-    /// Voxels of the grids of all that is looked for.
-    pub fn voxels(&self) -> usize {
-        self.traversal.parts().iter().map(|part| part.grid.len()).sum()
+    /// All that could be looked for: voxels of the grids, or lights.
+    pub fn candidates(&self) -> usize {
+        match &self.traversal {
+            VolumeRows::Voxels(rows) => rows.parts().iter().map(|part| part.grid.len()).sum(),
+            VolumeRows::Lights(_) => self.start.len(),
+        }
     }
 
-    /// Voxels along each axis.
-    pub fn size(&self) -> [usize; 3] {
-        self.size
+    /// Views that a row sees.
+    pub fn views(&self) -> usize {
+        let mut views: Vec<u32> =
+            (0..self.targets.len()).map(|row| self.traversal.rays().pixel(row)[0]).collect();
+        views.sort_unstable();
+        views.dedup();
+        views.len()
+    }
+
+    /// Places of the unknowns along each axis.
+    pub fn size(&self) -> &[usize] {
+        &self.size
+    }
+
+    /// Bytes of what is prepared for the unknowns: light volumes.
+    pub fn prepared_bytes(&self) -> u64 {
+        match &self.traversal {
+            VolumeRows::Voxels(_) => 0,
+            VolumeRows::Lights(rows) => rows.bytes(),
+        }
     }
 
     /// Bricks of voxels in which nothing is looked for, and all bricks.
     pub fn empty_bricks(&self) -> [usize; 2] {
-        self.traversal.parts().iter().fold([0, 0], |[empty, all], part| {
+        self.traversal.through_medium().parts().iter().fold([0, 0], |[empty, all], part| {
             let [more, others] = part.voxels().empty_bricks();
             [empty + more, all + others]
         })
@@ -247,20 +279,30 @@ impl VolumeProblem {
         self.grey
     }
 
-    /// The medium with the elements in place of what they started from.
+    /// A state with the elements in place of what they started from.
     ///
-    /// Errors: [`Error::NonFinite`] naming a voxel.
-    pub fn apply(&self, medium: &VolumeMedium, x: &[Rgb]) -> Result<VolumeMedium> {
-        let mut changed = medium.clone();
+    /// Errors: [`Error::NonFinite`] naming a voxel, [`Error::Value`] naming a light.
+    pub fn apply(&self, state: &VolumeState, x: &[Rgb]) -> Result<VolumeState> {
+        let mut changed = state.clone();
+        let traversal = match &self.traversal {
+            VolumeRows::Voxels(traversal) => traversal,
+            VolumeRows::Lights(rows) => {
+                // A method that keeps no bounds may leave a light below zero, which shines as little as one that is out.
+                let lights = x.iter().map(|color| color.map(|value| value.max(0.0))).collect();
+                changed.environment = Environment::lights(rows.basis().clone(), lights)?;
+                return Ok(changed);
+            }
+        };
+        let medium = &mut changed.medium;
         let mut rest = x;
-        for part in self.traversal.parts() {
+        for part in traversal.parts() {
             let (mine, others) = rest.split_at(part.voxels().len());
             rest = others;
             let found = Arc::new(replaced(property(medium, &part.quantity), part.voxels(), mine)?);
             match part.quantity {
-                Quantity::Emission => changed.emission = found,
-                Quantity::Albedo(_) | Quantity::InScattered(_) => changed.albedo = found,
-                Quantity::Extinction => changed.extinction = found,
+                Quantity::Emission => medium.emission = found,
+                Quantity::Albedo(_) | Quantity::InScattered(_) => medium.albedo = found,
+                Quantity::Extinction => medium.extinction = found,
             }
         }
         Ok(changed)
@@ -276,7 +318,7 @@ fn property<'a>(medium: &'a VolumeMedium, quantity: &Quantity) -> &'a Volume {
     }
 }
 
-fn plan(traversal: &VolumeTraversal, grey: bool) -> WalkPlan {
+fn plan(traversal: &VolumeRows, grey: bool) -> WalkPlan {
     if grey { WalkPlan::new::<f32, 1>(traversal) } else { WalkPlan::new::<f32, 3>(traversal) }
 }
 
@@ -290,7 +332,7 @@ impl<const C: usize> Traversal<f64, C> for AllVoxels<'_> {
     }
 
     fn elements(&self) -> usize {
-        self.0.voxels()
+        self.0.candidates()
     }
 
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
@@ -318,9 +360,12 @@ fn nothing_to_solve(find: Find, left_out: &LeftOut) -> Error {
     }
     Error::Empty {
         reason: format!(
-            "none of the {} wanted rays meets a voxel whose {} is looked for",
+            "none of the {} wanted rays meets {} is looked for",
             left_out.beside,
-            find.name()
+            match find {
+                Find::Environment => "a voxel that scatters, or the sky that".to_owned(),
+                _ => format!("a voxel whose {}", find.name()),
+            }
         ),
         remedy: "check the cameras and volume.to_world",
     }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::Optics;
+use super::environment::lit_voxels;
 use super::hull::visual_hull;
 use crate::cpu::near_medium;
 use crate::march::{Part, Quantity};
@@ -16,7 +17,7 @@ pub(super) struct Searched {
     pub(super) parts: Vec<Part>,
     pub(super) start: Vec<Rgb>,
     pub(super) places: Vec<u32>,
-    pub(super) size: [usize; 3],
+    pub(super) size: Vec<usize>,
     pub(super) bounds: Bounds,
     pub(super) steering: Option<Steering>,
     pub(super) outside_hull: usize,
@@ -50,7 +51,7 @@ impl Searched {
             parts: Vec::new(),
             start: Vec::new(),
             places: Vec::new(),
-            size: [0; 3],
+            size: Vec::new(),
             bounds: Bounds::NONE,
             steering: None,
             outside_hull: 0,
@@ -84,6 +85,13 @@ impl Searched {
                 searched.add(scene, optics, Quantity::Extinction, &medium.extinction)?;
                 searched.bounds = bounds(settings.extinction)?;
             }
+            Find::Environment => {
+                searched.parts.push(lit_voxels(scene, medium, optics)?);
+                searched.start = scene.light_basis.coefficients_of(optics.environment());
+                searched.places = scene.light_basis.places();
+                searched.size = scene.light_basis.lattice().to_vec();
+                searched.bounds = bounds(settings.environment)?;
+            }
         }
         if searched.start.is_empty() {
             return Err(Error::Empty {
@@ -116,7 +124,7 @@ impl Searched {
             self.places.push(first + index);
             self.start.push(volume.color(index as usize));
         }
-        self.size = grid.size();
+        self.size = grid.size().to_vec();
         self.parts.push(Part::new(quantity, grid, Arc::new(voxels), optics.density.interpolation()));
         Ok(())
     }

@@ -51,6 +51,7 @@ fn pictures() -> Pictures {
     };
     Pictures {
         turntable: Vec::new(),
+        environment: None,
         views: vec![view("front", 0.0), view("aisle", 0.4), view("window", 0.9)],
         light_map: painted([512, 512], glass),
         coverage: Some(painted([512, 512], |u, v| {

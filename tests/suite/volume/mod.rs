@@ -1,6 +1,7 @@
 //! Volumes, from the traversal to solved problems, against definitions that are written out again here.
 
 mod brute;
+mod environment;
 mod light;
 mod mitsuba;
 mod operator;

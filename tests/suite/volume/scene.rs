@@ -1,10 +1,14 @@
 //! Scenes of one volume, built in code.
 
+use std::sync::Arc;
 use unscatter::problem::TransportOperator;
-use unscatter::problem::{Desired, Model, Optics, Solved, VolumeProblem, VolumeRenderer, minimize};
+
+use unscatter::problem::{
+    Desired, Model, Optics, Solved, VolumeProblem, VolumeRenderer, VolumeState, minimize,
+};
 use unscatter::scene::{
-    Environment, ExtinctionSettings, Find, Geometry, Image, Mesh, PropertyBounds, Regularization,
-    SolveSettings, Strategy, Target, View, VolumeMedium, VolumeScene, VolumeView, Weight,
+    Environment, ExtinctionSettings, Find, Geometry, Image, LightBasis, Mesh, Over, PropertyBounds,
+    Regularization, SolveSettings, Strategy, Target, View, VolumeMedium, VolumeScene, VolumeView, Weight,
 };
 use unscatter::solve::Control;
 
@@ -25,12 +29,14 @@ pub fn scene(medium: VolumeMedium, environment: Environment, cameras: Vec<Camera
         medium,
         lights: Vec::new(),
         environment,
+        light_basis: Arc::new(LightBasis::discs(1, Over::Sphere, 0.5, 1).unwrap()),
         light_size: None,
         background: None,
         geometry: Geometry::new(Mesh::default()).unwrap(),
         views: cameras.into_iter().enumerate().map(view).collect(),
         target: Target::Radiance,
         stages: Vec::new(),
+        rounds: 1,
         extinction: ExtinctionSettings { medium_radiance: [0.0; 3], is_grey: true },
         bounds: PropertyBounds::default(),
         pull: [1.0; 2],
@@ -42,7 +48,14 @@ pub fn scene(medium: VolumeMedium, environment: Environment, cameras: Vec<Camera
 
 /// What every view sees of a medium.
 pub fn pictures(scene: &VolumeScene, medium: &VolumeMedium, find: Find) -> Vec<Image> {
-    let optics = Optics::new(scene, medium).unwrap();
+    let state = VolumeState { medium: medium.clone(), ..VolumeState::of(scene).unwrap() };
+    pictures_in(scene, &state, find)
+}
+
+/// The same of a medium and the light around it.
+pub fn pictures_in(scene: &VolumeScene, state: &VolumeState, find: Find) -> Vec<Image> {
+    let medium = &state.medium;
+    let optics = Optics::new(scene, state).unwrap();
     let model: Model = VolumeProblem::model(scene, find);
     let renderer = VolumeRenderer::new(scene, medium, &optics, model);
     (0..scene.views.len()).map(|view| renderer.picture(view).unwrap()).collect()
@@ -56,19 +69,25 @@ pub fn wanted(pictures: &[Image]) -> Vec<Desired> {
 
 /// The problem of finding something of a scene's medium.
 pub fn problem(scene: &VolumeScene, desired: &[Desired], find: Find) -> VolumeProblem {
-    let optics = Optics::new(scene, &scene.medium).unwrap();
+    let optics = Optics::new(scene, &VolumeState::of(scene).unwrap()).unwrap();
     VolumeProblem::new(scene, &scene.medium, &optics, desired, find).unwrap()
 }
 
 /// A problem solved, and the medium with its solution.
 pub fn solved(scene: &VolumeScene, problem: &VolumeProblem) -> (Solved, VolumeMedium) {
+    let (solved, state) = solved_state(scene, problem);
+    (solved, state.medium)
+}
+
+/// A problem solved, and the medium and the light around it with its solution.
+pub fn solved_state(scene: &VolumeScene, problem: &VolumeProblem) -> (Solved, VolumeState) {
     let operator = problem.operator(Strategy::Auto, 1 << 30).unwrap();
     let coverage = operator.squares(&problem.row_weights()).unwrap();
     let settings = VolumeProblem::settings(scene, problem.find);
     let each = |_: &_, _: &mut dyn unscatter::problem::Snapshot| Ok(Control::Continue);
     let solved = minimize(&problem.formulation(), &operator, &coverage, &settings, None, each).unwrap();
-    let medium = problem.apply(&scene.medium, &solved.x).unwrap();
-    (solved, medium)
+    let state = problem.apply(&VolumeState::of(scene).unwrap(), &solved.x).unwrap();
+    (solved, state)
 }
 
 /// ‖a − b‖ / ‖b‖ of pictures.

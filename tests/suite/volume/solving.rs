@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use unscatter::march::Traversal;
-use unscatter::problem::VolumeProblem;
+use unscatter::problem::{VolumeProblem, VolumeState};
 use unscatter::scene::{DirectionalLight, Environment, Find, SolverName, VolumeMedium, VolumeScene, look_at};
 use unscatter::sparse::ExplicitMatrix;
 
@@ -93,7 +93,7 @@ fn is_found(scene: &VolumeScene, truth: &VolumeMedium, find: Find, of: fn(&Volum
     let before = picture_error(&pictures(scene, &scene.medium, find), &pictures_of_truth);
     assert!(before > 0.05, "{find:?}: the start shows {before:e} already");
     assert!(error <= VOLUME_PICTURES, "{find:?}: pictures differ by {error:e}");
-    let best = problem.apply(&scene.medium, &pseudo_inverse(&problem)).unwrap();
+    let best = problem.apply(&VolumeState::of(scene).unwrap(), &pseudo_inverse(&problem)).unwrap().medium;
     let best = relative(&colors(of(&best)), &colors(of(truth)));
     let volume = relative(&colors(of(&found)), &colors(of(truth)));
     assert!(
@@ -227,7 +227,7 @@ fn the_hull_leaves_out_what_no_mask_shows_and_what_is_there_is_known() {
         assert!(hull.start.len() >= 8 && hull.outside_hull > 80, "{} outside", hull.outside_hull);
         let (_, found) = solved(&scene, &hull);
         let outside: Vec<bool> = {
-            let inside = hull.traversal.parts()[0].voxels();
+            let inside = hull.traversal.through_medium().parts()[0].voxels();
             (0..lattice().len()).map(|index| !inside.contains(lattice().voxel(index))).collect()
         };
         for (index, (found, start)) in of(&found).into_iter().zip(of(&scene.medium)).enumerate() {

@@ -1,11 +1,13 @@
 //! A volume scene as it is written.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::field::GridSize;
+use super::lights::Lights;
 use super::properties::{Extinction, PropertyBounds, Volume, light_size};
 use super::view::{VolumeView, wanted};
 use crate::io::scene_file::assets::Assets;
@@ -36,6 +38,10 @@ pub struct VolumeDocument {
     pub volume: Volume,
     /// What is looked for: one property, or several in turn, each with what was found before.
     pub find: Find,
+    /// How often the properties of `find` are looked for in turn at most, from 1 to 100: over and over, until the pictures come
+    /// no nearer. 1 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rounds: Option<usize>,
     /// Suns.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lights: Vec<Light>,
@@ -99,6 +105,14 @@ pub enum Find {
     ExtinctionThenEmission,
     /// Extinction first, then albedo.
     ExtinctionThenAlbedo,
+    /// The lights of the environment.
+    Environment,
+    /// The lights of the environment first, then emission and albedo together.
+    EnvironmentThenJoint,
+    /// The lights of the environment first, then emission.
+    EnvironmentThenEmission,
+    /// The lights of the environment first, then albedo.
+    EnvironmentThenAlbedo,
 }
 
 /// Light from everywhere: `radiance`, or a picture of all directions.
@@ -114,6 +128,9 @@ pub struct Environment {
     /// Directions that the light of the volume is taken from, from 1 to 16384; 64 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub directions: Option<usize>,
+    /// What it is a combination of where it is looked for; it starts as the combination nearest to `radiance` or `file`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lights: Option<Lights>,
 }
 
 /// Views from a `transforms.json`.
@@ -152,6 +169,7 @@ impl VolumeDocument {
             name: None,
             volume,
             find,
+            rounds: None,
             lights: Vec::new(),
             environment: None,
             light_size: None,
@@ -197,11 +215,22 @@ impl VolumeDocument {
             [pull("emission", self.pull.emission).at("pull")?, pull("albedo", self.pull.albedo).at("pull")?];
         let light_size = light_size(self.light_size).at("light_size")?;
         let background = self.background.map(|color| color.rgb("background", f32::MAX)).transpose()?;
-        let environment = self.environment.clone().unwrap_or_default().build(&assets).at("environment")?;
+        let environment = self.environment.clone().unwrap_or_default();
+        let light_basis = environment.lights.clone().unwrap_or_default().build().at("environment.lights")?;
+        let environment = environment.build(&assets).at("environment")?;
+        let stages = self.find.stages();
+        let rounds = self.rounds.unwrap_or(1);
+        if !(1..=100).contains(&rounds) {
+            return Err(Flaw::value("rounds", rounds, "from 1 to 100"));
+        }
+        if rounds > 1 && (stages.len() < 2 || stages.contains(&scene::Find::Extinction)) {
+            let expected = "1, but where the environment is looked for in turn with emission or albedo";
+            return Err(Flaw::value("rounds", rounds, expected));
+        }
         let lights = self.lights.iter().enumerate();
         let lights = lights.map(|(i, light)| light.build(&mut assets).at(&format!("lights[{i}]")));
         let lights = lights.collect::<Built<_>>()?;
-        let medium = self.volume.build(&assets, &self.find.stages()).at("volume")?;
+        let medium = self.volume.build(&assets, &stages).at("volume")?;
         let views = self.build_views(&mut assets)?;
         let mut mesh = Mesh::default();
         for (i, occluder) in self.occluders.iter().enumerate() {
@@ -212,12 +241,14 @@ impl VolumeDocument {
             medium,
             lights,
             environment,
+            light_basis: Arc::new(light_basis),
             light_size,
             background,
             geometry: Geometry::new(mesh).at("occluders")?,
             views,
             target: self.target.into(),
-            stages: self.find.stages(),
+            stages,
+            rounds,
             extinction,
             bounds,
             pull,
@@ -253,7 +284,7 @@ impl VolumeDocument {
 
 impl Find {
     fn stages(self) -> Vec<scene::Find> {
-        use scene::Find::{Albedo, Emission, Extinction, Joint};
+        use scene::Find::{Albedo, Emission, Environment, Extinction, Joint};
         match self {
             Self::Emission => vec![Emission],
             Self::Albedo => vec![Albedo],
@@ -262,6 +293,10 @@ impl Find {
             Self::ExtinctionThenJoint => vec![Extinction, Joint],
             Self::ExtinctionThenEmission => vec![Extinction, Emission],
             Self::ExtinctionThenAlbedo => vec![Extinction, Albedo],
+            Self::Environment => vec![Environment],
+            Self::EnvironmentThenJoint => vec![Environment, Joint],
+            Self::EnvironmentThenEmission => vec![Environment, Emission],
+            Self::EnvironmentThenAlbedo => vec![Environment, Albedo],
         }
     }
 }

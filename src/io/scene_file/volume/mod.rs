@@ -2,12 +2,14 @@
 
 mod document;
 mod field;
+mod lights;
 mod properties;
 mod shapes;
 mod view;
 
 pub use document::{Environment, Find, Pull, TransformsFile, VolumeDocument};
 pub use field::{Field, FieldSource, GridSize};
+pub use lights::{Lights, Over};
 pub use properties::{Extinction, Interpolation, PropertyBounds, Range, Refraction, Volume};
 pub use shapes::{Capsule, Noise, Shape, Shapes, Sphere};
 pub use view::VolumeView;

@@ -101,6 +101,8 @@ pub struct PropertyBounds {
     pub albedo: Range,
     /// Of extinction.
     pub extinction: Range,
+    /// Of the lights of the environment.
+    pub environment: Range,
 }
 
 impl Volume {
@@ -116,7 +118,7 @@ impl Volume {
                 Emission => name == "emission",
                 Albedo => name == "albedo",
                 Joint => name == "emission" || name == "albedo",
-                scene::Find::Extinction => false,
+                scene::Find::Extinction | scene::Find::Environment => false,
             });
             let size = if matches!(field, Field::Constant(_)) && !is_found { [1; 3] } else { size };
             let volume = field.build(assets, Some(size), Some(place)).at(name)?;
@@ -172,6 +174,7 @@ impl PropertyBounds {
             emission: self.emission.build(usual.emission).at("emission")?,
             albedo: self.albedo.build(usual.albedo).at("albedo")?,
             extinction: self.extinction.build(usual.extinction).at("extinction")?,
+            environment: self.environment.build(usual.environment).at("environment")?,
         })
     }
 }

@@ -1,6 +1,7 @@
 //! `unscatter volume` and what the other commands make of a volume.
 
 mod bad_input;
+mod environment;
 mod formats;
 mod solving;
 

@@ -1,0 +1,80 @@
+//! What an environment is a combination of.
+
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::io::scene_file::flaw::{Built, Flaw};
+use crate::scene::{self, LightBasis};
+
+/// Lights that an environment is a combination of: discs of one solid angle spread evenly, or the pixels of a `map`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Lights {
+    /// Discs, from 1 to 4096; 128 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub count: Option<usize>,
+    /// Columns and rows of a latitude-longitude picture whose pixels are the lights, instead of discs; at most 4096 in all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map: Option<[usize; 2]>,
+    /// Where they are.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub over: Over,
+    /// Where the upper hemisphere is; +Y when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<[f64; 3]>,
+    /// Share of a disc to both sides of its rim over which it fades, from 0 (hard) to 1; 0.5 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub softness: Option<f64>,
+    /// Directions that the light of one disc is taken from, from 1 to 64; 1 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples: Option<usize>,
+}
+
+/// The part of all directions that lights are spread over.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Over {
+    /// All of them.
+    #[default]
+    Sphere,
+    /// Those above the horizon.
+    UpperHemisphere,
+}
+
+impl Lights {
+    pub(super) fn build(&self) -> Built<LightBasis> {
+        let up = DVec3::from_array(self.up.unwrap_or([0.0, 1.0, 0.0]));
+        if !(up.is_finite() && up.length() > 0.0) {
+            return Err(Flaw::value("up", format!("{:?}", up.to_array()), "a direction"));
+        }
+        let over = match self.over {
+            Over::Sphere if self.up.is_some() => {
+                return Err(Flaw::new(
+                    "up",
+                    "only a hemisphere has an up; add \"over\": \"upper-hemisphere\"",
+                ));
+            }
+            Over::Sphere => scene::Over::Sphere,
+            Over::UpperHemisphere => scene::Over::Hemisphere(up.normalize()),
+        };
+        let Some(size) = self.map else {
+            let (softness, samples) = (self.softness.unwrap_or(0.5), self.samples.unwrap_or(1));
+            return Ok(LightBasis::discs(self.count.unwrap_or(128), over, softness, samples)?);
+        };
+        for (name, is_given) in [
+            ("count", self.count.is_some()),
+            ("softness", self.softness.is_some()),
+            ("samples", self.samples.is_some()),
+        ] {
+            if is_given {
+                return Err(Flaw::new(name, "only discs have this; leave it away, or leave `map` away"));
+            }
+        }
+        Ok(LightBasis::map(size, over)?)
+    }
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}

@@ -1,0 +1,60 @@
+use super::environment::LitRows;
+use crate::march::{PixelRays, Traversal, VolumeTransport, VolumeTraversal, Weight};
+
+/// The rows of a volume problem.
+#[derive(Debug, Clone)]
+pub enum VolumeRows {
+    /// Over voxels.
+    Voxels(VolumeTraversal),
+    /// Over lights around the volume.
+    Lights(LitRows),
+}
+
+impl VolumeRows {
+    /// The walk through the medium.
+    pub fn through_medium(&self) -> &VolumeTraversal {
+        match self {
+            Self::Voxels(rows) => rows,
+            Self::Lights(rows) => &rows.scattered,
+        }
+    }
+
+    /// The rays, one a row.
+    pub fn rays(&self) -> &PixelRays {
+        self.through_medium().rays()
+    }
+
+    /// What the rays share.
+    pub fn transport(&self) -> &VolumeTransport {
+        self.through_medium().transport()
+    }
+
+    /// Some of the rows.
+    pub(super) fn picked(&self, rows: &[usize]) -> Self {
+        match self {
+            Self::Voxels(all) => Self::Voxels(all.along(all.rays().picked(rows))),
+            Self::Lights(all) => Self::Lights(all.picked(rows)),
+        }
+    }
+}
+
+impl<const C: usize> Traversal<f64, C> for VolumeRows {
+    fn rows(&self) -> usize {
+        self.rays().len()
+    }
+
+    fn elements(&self) -> usize {
+        match self {
+            Self::Voxels(rows) => Traversal::<f64, C>::elements(rows),
+            Self::Lights(rows) => Traversal::<f64, C>::elements(rows),
+        }
+    }
+
+    #[inline]
+    fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
+        match self {
+            Self::Voxels(rows) => rows.walk(row, visit),
+            Self::Lights(rows) => rows.walk(row, visit),
+        }
+    }
+}
