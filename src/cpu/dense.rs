@@ -39,11 +39,6 @@ impl<const C: usize> Dense<C> {
         rows as u64 * columns as u64 * size_of::<Weight<f32, C>>() as u64
     }
 
-    /// The number of columns.
-    pub fn columns(&self) -> usize {
-        self.columns
-    }
-
     /// Whether every entry is zero.
     pub fn is_zero(&self) -> bool {
         self.weights.par_iter().all(|weight| *weight == [0.0; C])
@@ -55,21 +50,10 @@ impl<const C: usize> Dense<C> {
         &self.weights[row * self.columns..(row + 1) * self.columns]
     }
 
-    /// diag(Aᵀ diag(y) A).
-    ///
-    /// Errors: [`Error::Shape`] when there is not one weight a row.
-    pub fn squares(&self, y: &CpuVector) -> Result<CpuVector> {
-        expect_len("the weights", y, self.rows)?;
-        let mut x = self.domain();
-        self.sum_rows(y, &mut x, |weight| weight * weight);
-        Ok(x)
-    }
-
     /// x ← Σ of entries times y over the rows, in pieces that are added up in their order.
-    fn sum_rows(&self, y: &CpuVector, x: &mut CpuVector, of: impl Fn(f32) -> f32 + Copy + Sync) {
+    fn sum_rows(&self, y: &CpuVector, x: &mut CpuVector) {
         let starts: Vec<usize> = (0..self.rows).step_by(PIECE).collect();
-        let pieces: Vec<Vec<[f64; 3]>> =
-            starts.par_iter().map(|&start| self.sum_piece(start, y, of)).collect();
+        let pieces: Vec<Vec<[f64; 3]>> = starts.par_iter().map(|&start| self.sum_piece(start, y)).collect();
         x.0.par_iter_mut().enumerate().for_each(|(column, x)| {
             let mut sum = [0.0; 3];
             for piece in &pieces {
@@ -79,7 +63,7 @@ impl<const C: usize> Dense<C> {
         });
     }
 
-    fn sum_piece(&self, start: usize, y: &CpuVector, of: impl Fn(f32) -> f32) -> Vec<[f64; 3]> {
+    fn sum_piece(&self, start: usize, y: &CpuVector) -> Vec<[f64; 3]> {
         let mut sums = vec![[0.0f64; 3]; self.columns];
         let mut run: Vec<Padded<f32>> = vec![[0.0; 4]; self.columns];
         let end = (start + PIECE).min(self.rows);
@@ -88,7 +72,7 @@ impl<const C: usize> Dense<C> {
             for row in first..(first + RUN).min(end) {
                 let y = padded(y.0[row]);
                 for (sum, weight) in run.iter_mut().zip(self.row(row)) {
-                    let weight = four(&weight.map(&of));
+                    let weight = four(weight);
                     (0..4).for_each(|c| sum[c] += weight[c] * y[c]);
                 }
             }
@@ -154,7 +138,7 @@ impl<const C: usize> LinearOperator for Dense<C> {
     fn apply_adjoint(&self, y: &CpuVector, x: &mut CpuVector) -> Result<()> {
         expect_len("x", x, self.columns)?;
         expect_len("y", y, self.rows)?;
-        self.sum_rows(y, x, |weight| weight);
+        self.sum_rows(y, x);
         Ok(())
     }
 }

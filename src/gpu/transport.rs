@@ -1,9 +1,8 @@
-use super::product::Product;
 use super::rows::Kept;
 use super::vector::GpuVector;
 use super::walked::Walked;
 use crate::Result;
-use crate::operator::LinearOperator;
+use crate::operator::{LinearOperator, Product};
 
 /// `T` on a device: kept, a product of what is kept, or walked again in every application.
 #[derive(Debug)]
@@ -13,7 +12,7 @@ pub enum Transport {
     /// Rays.
     Walked(Walked),
     /// Light volumes, of what is kept.
-    Product(Box<Product>),
+    Product(Box<Product<Kept, Kept, Kept>>),
 }
 
 impl Transport {

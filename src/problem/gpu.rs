@@ -4,9 +4,9 @@ use super::transport::{brought, fetched};
 use super::volume::{LightColumns, LitRows, VolumeRows};
 use super::{HostOperator, LightMapProblem, TransportOperator, VolumeProblem};
 use crate::cpu::{self, Storage, TileMetric, Tiling, WalkPlan};
-use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, Product, RowTable, Transport, Walked};
+use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, RowTable, Transport, Walked};
 use crate::march::{LightMapTraversal, Traversal, VolumeTraversal, Weight};
-use crate::operator::{CpuVector, LinearOperator, Metric};
+use crate::operator::{CpuVector, LinearOperator, Metric, Product};
 use crate::scene::Strategy;
 use crate::{Error, Result};
 
@@ -124,6 +124,11 @@ fn light_volumes(gpu: &Gpu, rows: &LitRows, is_grey: bool, budget: u64) -> Resul
     Ok(Transport::Product(Box::new(Product::new(scattered, columns, seen)?)))
 }
 
+fn nonzeros(product: &Product<Kept, Kept, Kept>) -> u64 {
+    let (scattered, columns, seen) = product.factors();
+    [scattered, columns, seen].iter().map(|kept| kept.nonzeros() as u64).sum()
+}
+
 /// A traversal's rows in f32.
 struct Walk<'a, T, const C: usize>(&'a T);
 
@@ -195,7 +200,7 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
                 let storage = match &transport {
                     Transport::Product(product) => Storage {
                         kept_rows: size.count,
-                        kept_nonzeros: product.nonzeros() as u64,
+                        kept_nonzeros: nonzeros(product),
                         of_light_volumes: true,
                         ..Storage::default()
                     },

@@ -3,7 +3,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DQuat, DVec3};
 
 use super::environment::{fibonacci, longitude_latitude, picture_direction, pixel_angle};
-use super::{Environment, Image, Rgb};
+use super::{Environment, Rgb};
 use crate::{Error, Result};
 
 /// Basis functions of light from everywhere, infinitely far away: what an environment light is a combination of
@@ -217,12 +217,6 @@ impl LightBasis {
         });
         sum.map(|value| value as f32)
     }
-
-    /// A combination as a latitude-longitude picture.
-    pub fn picture(&self, coefficients: &[Rgb], size: [usize; 2]) -> Result<Image> {
-        let radiance = |pixel: usize| self.radiance(coefficients, picture_direction(size, pixel));
-        Image::new(size, (0..size[0] * size[1]).map(radiance).collect())
-    }
 }
 
 /// 1 before the fall, 0 after it, a smooth cubic between.
@@ -240,6 +234,7 @@ fn falloff([begin, end]: [f64; 2], u: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Image;
 
     /// ∫ B dω of every light, over a fine latitude-longitude picture.
     fn integrals(basis: &LightBasis) -> Vec<f64> {

@@ -1,11 +1,11 @@
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use super::VolumeRows;
 use super::environment::{LightColumns, LitRows, SeenLights};
 use crate::Result;
 use crate::cpu::{Storage, Tiling, WalkPlan};
-use crate::march::VolumeTraversal;
-use crate::operator::{CpuVector, LinearOperator, Metric, Vector};
+use crate::march::{Traversal, VolumeTraversal};
+use crate::operator::{CpuVector, LinearOperator, Metric, Product};
 use crate::problem::TransportOperator;
 use crate::problem::transport::HostOperator;
 use crate::scene::Strategy;
@@ -17,25 +17,8 @@ pub struct VolumeOperator {
     light_volumes: Option<LightVolumes>,
 }
 
-/// G V + D, one factor after the other: what an application takes does not depend on the number of lights.
-///
-/// Error   f32 values between the factors
-/// Cost    one walk of G, kept or not, and a multiplication for every voxel and light
-#[derive(Debug)]
-struct LightVolumes {
-    columns: Arc<LightColumns>,
-    scattered: HostOperator<VolumeTraversal>,
-    seen: HostOperator<SeenLights>,
-    /// Light at the voxels, and what the other term gives.
-    room: Mutex<Room>,
-}
-
-#[derive(Debug)]
-struct Room {
-    light: CpuVector,
-    rows: CpuVector,
-    lights: CpuVector,
-}
+/// G V + D: what an application takes hardly depends on the number of lights.
+type LightVolumes = Product<HostOperator<VolumeTraversal>, Arc<LightColumns>, HostOperator<SeenLights>>;
 
 impl VolumeOperator {
     /// All rows are kept where that is asked for, or fits; of lights, those that do not fit are not walked but given up for light
@@ -50,52 +33,30 @@ impl VolumeOperator {
         budget: u64,
     ) -> Result<Self> {
         let keep = |strategy| HostOperator::new(rows.clone(), is_grey, plan, strategy, budget);
-        let light_volumes = match (rows, strategy) {
+        let walked = match (rows, strategy) {
             (VolumeRows::Lights(rows), Strategy::MatrixFree) => Some(rows),
             (VolumeRows::Lights(rows), Strategy::Auto) if plan.bytes > budget => Some(rows),
             _ => None,
         };
-        Ok(match light_volumes {
+        Ok(match walked {
             None => Self { rows: keep(strategy)?, light_volumes: None },
             Some(lit) => {
-                let light_volumes = LightVolumes::new(lit, is_grey, strategy, budget)?;
+                let light_volumes = light_volumes(lit, is_grey, strategy, budget)?;
                 Self { rows: keep(Strategy::MatrixFree)?, light_volumes: Some(light_volumes) }
             }
         })
     }
 }
 
-impl LightVolumes {
-    fn new(rows: &LitRows, is_grey: bool, strategy: Strategy, budget: u64) -> Result<Self> {
-        let walked = rows.scattered.clone();
-        let plan = if is_grey { WalkPlan::new::<f32, 1>(&walked) } else { WalkPlan::new::<f32, 3>(&walked) };
-        let scattered = HostOperator::new(walked, is_grey, &plan, strategy, budget)?;
-        let seen = rows.seen.clone();
-        let plan = if is_grey { WalkPlan::new::<f32, 1>(&seen) } else { WalkPlan::new::<f32, 3>(&seen) };
-        let seen = HostOperator::new(seen, is_grey, &plan, Strategy::MatrixFree, 0)?;
-        let room = Room { light: scattered.domain(), rows: scattered.range(), lights: seen.domain() };
-        Ok(Self { columns: rows.columns.clone(), scattered, seen, room: Mutex::new(room) })
+fn light_volumes(rows: &LitRows, is_grey: bool, strategy: Strategy, budget: u64) -> Result<LightVolumes> {
+    fn plan<T: Traversal<f64, 1> + Traversal<f64, 3>>(traversal: &T, is_grey: bool) -> WalkPlan {
+        if is_grey { WalkPlan::new::<f32, 1>(traversal) } else { WalkPlan::new::<f32, 3>(traversal) }
     }
-
-    fn apply(&self, x: &CpuVector, y: &mut CpuVector) -> Result<()> {
-        let mut room = self.room.lock().unwrap_or_else(PoisonError::into_inner);
-        let Room { light, rows, .. } = &mut *room;
-        self.columns.apply(x, light)?;
-        self.scattered.apply(light, y)?;
-        self.seen.apply(x, rows)?;
-        y.axpby([1.0; 3], rows, [1.0; 3]);
-        Ok(())
-    }
-
-    fn apply_adjoint(&self, y: &CpuVector, x: &mut CpuVector) -> Result<()> {
-        let mut room = self.room.lock().unwrap_or_else(PoisonError::into_inner);
-        let Room { light, lights, .. } = &mut *room;
-        self.scattered.apply_adjoint(y, light)?;
-        self.columns.apply_adjoint(light, x)?;
-        self.seen.apply_adjoint(y, lights)?;
-        x.axpby([1.0; 3], lights, [1.0; 3]);
-        Ok(())
-    }
+    let (scattered, seen) = (rows.scattered.clone(), rows.seen.clone());
+    let plans = [plan(&scattered, is_grey), plan(&seen, is_grey)];
+    let scattered = HostOperator::new(scattered, is_grey, &plans[0], strategy, budget)?;
+    let seen = HostOperator::new(seen, is_grey, &plans[1], Strategy::MatrixFree, 0)?;
+    Product::new(scattered, rows.columns.clone(), seen)
 }
 
 impl TransportOperator for VolumeOperator {
@@ -116,7 +77,7 @@ impl TransportOperator for VolumeOperator {
 
     fn storage(&self) -> Storage {
         match &self.light_volumes {
-            Some(light_volumes) => Storage { of_light_volumes: true, ..light_volumes.scattered.storage() },
+            Some(light_volumes) => Storage { of_light_volumes: true, ..light_volumes.factors().0.storage() },
             None => self.rows.storage(),
         }
     }
