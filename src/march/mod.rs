@@ -14,7 +14,8 @@ pub use light_map::{LightMapTransport, LightMapTraversal, RowExtent, ViewRay};
 #[cfg(feature = "gpu")]
 pub(crate) use volume::{CellRay, Line};
 pub use volume::{
-    Density, InScattering, LitVolume, Part, PixelRays, Quantity, Refraction, VolumeTransport, VolumeTraversal,
+    Density, InScattering, LinearizedTraversal, LitVolume, Part, PixelRays, Quantity, Refraction, Source,
+    VolumeTransport, VolumeTraversal,
 };
 pub use volume::{GAUSS_2, GAUSS_4, MOST_PANELS, PANEL};
 

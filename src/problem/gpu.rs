@@ -90,6 +90,12 @@ impl GpuOperator<VolumeRows> {
                 VolumeRows::Voxels(rows) => {
                     Ok(Transport::Walked(Walked::volume(gpu, rows, !problem.is_grey(), deterministic)?))
                 }
+                VolumeRows::Linearized(_) => Err(Error::TooLarge {
+                    what: "the rows of a refinement, which an adapter only keeps".to_owned(),
+                    needed: format!("{} bytes", problem.plan.bytes),
+                    limit: format!("{budget} bytes"),
+                    remedy: "raise --memory, lower the views' sizes or volume.size, or use --backend cpu",
+                }),
                 VolumeRows::Lights(rows) => light_volumes(gpu, rows, problem.is_grey(), budget),
             },
         )

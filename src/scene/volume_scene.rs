@@ -87,16 +87,18 @@ pub enum Find {
     Albedo,
     /// Emission and albedo together.
     Joint,
-    /// Extinction.
+    /// Extinction in log space, for a medium of the same radiance everywhere.
     Extinction,
+    /// Extinction by Gauss–Newton on the radiance, from what it is.
+    Refinement,
     /// The light around the volume.
     Environment,
 }
 
 impl Find {
     /// All of them.
-    pub const ALL: [Self; 5] =
-        [Self::Emission, Self::Albedo, Self::Joint, Self::Extinction, Self::Environment];
+    pub const ALL: [Self; 6] =
+        [Self::Emission, Self::Albedo, Self::Joint, Self::Extinction, Self::Refinement, Self::Environment];
 
     /// Its name in scene files and reports.
     pub fn name(self) -> &'static str {
@@ -105,6 +107,7 @@ impl Find {
             Self::Albedo => "albedo",
             Self::Joint => "joint",
             Self::Extinction => "extinction",
+            Self::Refinement => "refinement",
             Self::Environment => "environment",
         }
     }
@@ -117,6 +120,10 @@ pub struct ExtinctionSettings {
     pub medium_radiance: Rgb,
     /// One σ_t for all channels, or one a channel.
     pub is_grey: bool,
+    /// Steps of Gauss–Newton that a refinement takes at most.
+    pub steps: usize,
+    /// Whether what the medium gives in a refinement is its emission and what it scatters once, rather than `medium_radiance`.
+    pub is_scattering: bool,
 }
 
 /// The least and the largest value a channel of each property.

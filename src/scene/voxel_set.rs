@@ -158,6 +158,16 @@ impl VoxelSet {
         both
     }
 
+    /// The voxels that are in either.
+    pub fn union(&self, other: &Self) -> Self {
+        let mut either = self.clone();
+        for (mine, other) in either.bricks.iter_mut().zip(&other.bricks) {
+            mine.slices.iter_mut().zip(&other.slices).for_each(|(mine, other)| *mine |= other);
+        }
+        either.count();
+        either
+    }
+
     /// The cells between voxel centres, one more along each axis, of which some corner is in the set.
     pub fn cells_between(&self) -> Self {
         let size = self.size;

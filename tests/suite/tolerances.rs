@@ -20,6 +20,11 @@ pub const SCIPY_OBJECTIVE: f64 = 1e-5;
 /// x against SciPy's where the data determine it, relative to its largest element.
 pub const SCIPY_X: f64 = 1e-4;
 
+/// How radiance changes with extinction against differences of third order over steps of 1/64 of the radiance itself, both with
+/// four nodes for every half of optical depth: what the steps leave is 1e-6, cubic cells in which a property has a kink a few times
+/// that.
+pub const REFINEMENT_SLOPE: f64 = 5e-5;
+
 /// Weights of volumes where the medium is constant in each cell, and lengths, as a part of a row's sum: some dozens of pieces
 /// whose ends are rounded in f64.
 pub const VOLUME_CONSTANT: f64 = 1e-11;

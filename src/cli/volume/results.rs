@@ -22,7 +22,7 @@ pub(super) fn write_volumes(
     let found: [(bool, &str, &Volume); 3] = [
         (has(&[Find::Emission, Find::Joint]), "emission", &medium.emission),
         (has(&[Find::Albedo, Find::Joint]), "albedo", &medium.albedo),
-        (has(&[Find::Extinction]), "extinction", &medium.extinction),
+        (has(&[Find::Extinction, Find::Refinement]), "extinction", &medium.extinction),
     ];
     for (_, name, found) in found.iter().filter(|(is_found, ..)| *is_found) {
         for &format in formats {

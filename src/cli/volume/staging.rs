@@ -10,11 +10,13 @@ use super::{nothing_asked, pictures};
 use crate::Result;
 use crate::problem::{Desired, Model, Optics, VolumeProblem, VolumeState};
 use crate::report::StageRecord;
-use crate::scene::{Find, Image, VolumeScene};
+use crate::scene::{Find, Image, Rgb, VolumeScene};
 use crate::solve::StopReason;
 
 /// A round that brings the pictures nearer by less than this share of their distance is the last one.
 const LEAST_GAIN: f64 = 1e-3;
+/// How often a step of Gauss–Newton is halved before it counts as leading nowhere.
+const MOST_HALVINGS: i32 = 6;
 
 /// How far the pictures are from what is wanted: view by view, and all together.
 #[derive(Debug, Clone, Default)]
@@ -54,68 +56,175 @@ pub(super) fn run(
     folder: &Folder,
     steps: &mut Steps,
 ) -> Result<Outcome> {
-    steps.begin("lighting", None);
-    let mut state = VolumeState::of(scene)?;
-    let mut optics = Optics::new(scene, &state)?;
-    let first = *scene.stages.first().ok_or_else(nothing_asked)?;
-    let mut drawn = VolumeProblem::model(scene, first);
-    let before = pictures(scene, &state.medium, &optics, drawn, steps)?;
-    let desired = Desired::of(scene, &|view| Ok(before[view].clone()))?;
-    let mut after = before.clone();
-    let first_distance = distance(&desired, &before);
-    let mut now = first_distance.clone();
-    let (mut records, mut last): (Vec<StageRecord>, Option<Stage>) = (Vec::new(), None);
+    let mut course = Course::begin(scene, engine, arguments, folder, steps)?;
     'rounds: for round in 0..scene.rounds {
-        let at_start = now.all;
+        let at_start = course.now.all;
         for &find in &scene.stages {
-            let model = VolumeProblem::model(scene, find);
-            if model != drawn {
-                after = pictures(scene, &state.medium, &optics, model, steps)?;
-                (drawn, now) = (model, distance(&desired, &after));
+            course.look_under(VolumeProblem::model(scene, find))?;
+            match find {
+                Find::Refinement => course.refine()?,
+                _ => course.take(find, round)?,
             }
-            let task = Task { scene, state: &state, optics: &optics, desired: &desired, find };
-            let stage = task.solve(engine, arguments, folder, steps)?;
-            let (new_optics, pictures_after) = shown(scene, &stage, &optics, model, steps)?;
-            let then = distance(&desired, &pictures_after);
-            let is_taken = scene.rounds == 1 || then.all <= now.all;
-            let reached = if is_taken { then } else { now.clone() };
-            records.push(record(&stage, round, is_taken, [now.all, reached.all]));
-            if is_taken {
-                (state, optics, after) = (stage.state.clone(), new_optics, pictures_after);
-            }
-            now = reached;
-            let is_interrupted = stage.is_interrupted();
-            last = Some(stage);
-            if is_interrupted {
+            if course.last.as_ref().is_some_and(Stage::is_interrupted) {
                 break 'rounds;
             }
         }
-        if at_start - now.all <= LEAST_GAIN * at_start {
+        if at_start - course.now.all <= LEAST_GAIN * at_start {
             break;
         }
     }
-    let last = last.ok_or_else(nothing_asked)?;
-    Ok(Outcome { state, optics, desired, before, after, distances: [first_distance, now], records, last })
+    course.end()
 }
 
-/// The light after a stage, and the pictures.
-fn shown(
-    scene: &VolumeScene,
-    stage: &Stage,
-    optics: &Optics,
-    model: Model,
-    steps: &mut Steps,
-) -> Result<(Optics, Vec<Image>)> {
-    // Emission and albedo change nothing about how light comes through.
-    let optics = match stage.find {
-        Find::Extinction | Find::Environment => {
-            steps.begin("lighting", None);
-            Optics::new(scene, &stage.state)?
+/// Stages on their way.
+struct Course<'a> {
+    scene: &'a VolumeScene,
+    engine: &'a mut Engine,
+    arguments: &'a VolumeArguments,
+    folder: &'a Folder,
+    steps: &'a mut Steps,
+    desired: Vec<Desired>,
+    state: VolumeState,
+    optics: Optics,
+    /// The pictures at the beginning, and as they are, under what model of light.
+    before: Vec<Image>,
+    after: Vec<Image>,
+    drawn: Model,
+    /// How far they are from what is wanted.
+    first: Distance,
+    now: Distance,
+    records: Vec<StageRecord>,
+    last: Option<Stage>,
+}
+
+impl<'a> Course<'a> {
+    fn begin(
+        scene: &'a VolumeScene,
+        engine: &'a mut Engine,
+        arguments: &'a VolumeArguments,
+        folder: &'a Folder,
+        steps: &'a mut Steps,
+    ) -> Result<Self> {
+        steps.begin("lighting", None);
+        let state = VolumeState::of(scene)?;
+        let optics = Optics::new(scene, &state)?;
+        let drawn = VolumeProblem::model(scene, *scene.stages.first().ok_or_else(nothing_asked)?);
+        let before = pictures(scene, &state.medium, &optics, drawn, steps)?;
+        let desired = Desired::of(scene, &|view| Ok(before[view].clone()))?;
+        let first = distance(&desired, &before);
+        Ok(Self {
+            scene,
+            engine,
+            arguments,
+            folder,
+            steps,
+            desired,
+            state,
+            optics,
+            after: before.clone(),
+            before,
+            drawn,
+            now: first.clone(),
+            first,
+            records: Vec::new(),
+            last: None,
+        })
+    }
+
+    fn end(self) -> Result<Outcome> {
+        let Self { state, optics, desired, before, after, records, .. } = self;
+        let last = self.last.ok_or_else(nothing_asked)?;
+        let distances = [self.first, self.now];
+        Ok(Outcome { state, optics, desired, before, after, distances, records, last })
+    }
+
+    /// Draws the pictures under another model of light.
+    fn look_under(&mut self, model: Model) -> Result<()> {
+        if model != self.drawn {
+            self.after = pictures(self.scene, &self.state.medium, &self.optics, model, self.steps)?;
+            (self.drawn, self.now) = (model, distance(&self.desired, &self.after));
         }
-        Find::Emission | Find::Albedo | Find::Joint => optics.clone(),
-    };
-    let pictures = pictures(scene, &stage.state.medium, &optics, model, steps)?;
-    Ok((optics, pictures))
+        Ok(())
+    }
+
+    /// Looks for one property, and takes what is found.
+    fn take(&mut self, find: Find, round: usize) -> Result<()> {
+        let stage = self.solve(find)?;
+        let view = self.view(find, &stage.state)?;
+        // In rounds nothing is taken that is farther away.
+        let is_taken = self.scene.rounds == 1 || view.distance.all <= self.now.all;
+        let reached = if is_taken { view.distance.all } else { self.now.all };
+        self.records.push(record(&stage, round, is_taken, [self.now.all, reached]));
+        if is_taken {
+            self.put(stage.state.clone(), view);
+        }
+        self.last = Some(stage);
+        Ok(())
+    }
+
+    /// Takes steps of Gauss–Newton, each as far as the pictures come nearer: whole, or halved again and again.
+    fn refine(&mut self) -> Result<()> {
+        for step in 0..self.scene.extinction.steps {
+            let stage = self.solve(Find::Refinement)?;
+            let before = self.now.all;
+            let is_taken = self.go_along(&stage)?;
+            self.records.push(record(&stage, step, is_taken, [before, self.now.all]));
+            let is_last = stage.is_interrupted() || before - self.now.all <= LEAST_GAIN * before;
+            self.last = Some(stage);
+            if is_last {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes as much of a step as brings the pictures nearer, if any does.
+    fn go_along(&mut self, stage: &Stage) -> Result<bool> {
+        let (from, to) = (&stage.problem.start, &stage.trial.solved.x);
+        for halvings in 0..MOST_HALVINGS {
+            let share = 0.5f32.powi(halvings);
+            let part =
+                |(from, to): (&Rgb, &Rgb)| std::array::from_fn(|c| from[c] + share * (to[c] - from[c]));
+            let x: Vec<Rgb> = from.iter().zip(to).map(part).collect();
+            let state = stage.problem.apply(&self.state, &x)?;
+            let view = self.view(stage.find, &state)?;
+            if view.distance.all < self.now.all {
+                self.put(state, view);
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn solve(&mut self, find: Find) -> Result<Stage> {
+        let Self { scene, engine, arguments, folder, steps, desired, state, optics, .. } = self;
+        Task { scene, state, optics, desired, find }.solve(engine, arguments, folder, steps)
+    }
+
+    /// What a state shows that differs from the one there is by what was looked for.
+    fn view(&mut self, find: Find, state: &VolumeState) -> Result<View> {
+        // Emission and albedo change nothing about how light comes through.
+        let optics = match find {
+            Find::Extinction | Find::Refinement | Find::Environment => {
+                self.steps.begin("lighting", None);
+                Optics::new(self.scene, state)?
+            }
+            Find::Emission | Find::Albedo | Find::Joint => self.optics.clone(),
+        };
+        let pictures = pictures(self.scene, &state.medium, &optics, self.drawn, self.steps)?;
+        Ok(View { distance: distance(&self.desired, &pictures), optics, pictures })
+    }
+
+    fn put(&mut self, state: VolumeState, view: View) {
+        (self.state, self.optics, self.after, self.now) = (state, view.optics, view.pictures, view.distance);
+    }
+}
+
+/// A state's light, its pictures, and how far they are from what is wanted.
+struct View {
+    optics: Optics,
+    pictures: Vec<Image>,
+    distance: Distance,
 }
 
 fn distance(desired: &[Desired], pictures: &[Image]) -> Distance {

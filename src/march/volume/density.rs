@@ -136,15 +136,27 @@ impl Density {
         let Some([a, b]) = cells.clip(shift, high, a, b) else { return };
         debug_assert_eq!(self.cells.size(), size.map(|side| side + extra));
         let _all_visited = cells.pieces(&self.cells, a, b, |cell, a, b| {
-            let depth = match self.interpolation {
-                Interpolation::Nearest => self.constant(cell, b - a),
-                Interpolation::Trilinear => self.cubic(cell, &cells, a, b),
-            };
+            let depth = self.depth(cell, &cells, a, b);
             if depth.coefficients.iter().all(|coefficients| *coefficients == [0.0; 4]) {
                 return ControlFlow::Continue(());
             }
             visit(cell, a, b, &depth)
         });
+    }
+
+    /// Optical depth of the piece [a, b] of a ray in one cell.
+    #[inline(always)]
+    pub(super) fn depth<const C: usize>(
+        &self,
+        cell: [usize; 3],
+        cells: &CellRay,
+        a: f64,
+        b: f64,
+    ) -> Depth<C> {
+        match self.interpolation {
+            Interpolation::Nearest => self.constant(cell, b - a),
+            Interpolation::Trilinear => self.cubic(cell, cells, a, b),
+        }
     }
 
     #[inline(always)]

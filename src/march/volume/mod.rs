@@ -3,6 +3,7 @@
 mod cells;
 mod density;
 mod light;
+mod linearized;
 mod path;
 mod sink;
 mod window;
@@ -12,6 +13,7 @@ use std::sync::Arc;
 
 pub use density::Density;
 pub use light::{InScattering, LitVolume};
+pub use linearized::{LinearizedTraversal, Source};
 pub use path::{PixelRays, Refraction};
 
 use super::{Traversal, Weight, exponential};

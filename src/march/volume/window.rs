@@ -55,7 +55,7 @@ impl<const C: usize> Window<C> for Nearest<C> {
         if cell == self.voxel {
             return add(&mut self.weight, weight);
         }
-        if is_positive(self.weight) {
+        if is_something(self.weight) {
             visit(self.voxel, self.weight);
         }
         (self.voxel, self.weight) = (cell, weight);
@@ -63,7 +63,7 @@ impl<const C: usize> Window<C> for Nearest<C> {
 
     #[inline(always)]
     fn finish(self, visit: &mut impl FnMut([usize; 3], Weight<f64, C>)) {
-        if is_positive(self.weight) {
+        if is_something(self.weight) {
             visit(self.voxel, self.weight);
         }
     }
@@ -103,7 +103,7 @@ impl<const C: usize> Trilinear<C> {
     #[inline(always)]
     fn leave(&self, tap: usize, weight: Weight<f64, C>, visit: &mut impl FnMut([usize; 3], Weight<f64, C>)) {
         // A weight is zero where its voxel would be outside.
-        if is_positive(weight) {
+        if is_something(weight) {
             let voxel = offsets(tap, [1; 3]);
             visit(std::array::from_fn(|axis| self.cell[axis].wrapping_add_signed(voxel[axis])), weight);
         }
@@ -163,6 +163,6 @@ fn offsets(tap: usize, moved: [isize; 3]) -> [isize; 3] {
 }
 
 #[inline(always)]
-fn is_positive<const C: usize>(weight: Weight<f64, C>) -> bool {
-    weight.iter().any(|&value| value > 0.0)
+fn is_something<const C: usize>(weight: Weight<f64, C>) -> bool {
+    weight.iter().any(|&value| value != 0.0)
 }

@@ -8,6 +8,7 @@ mod hull;
 mod operator;
 mod optics;
 mod problem;
+mod refinement;
 mod renderer;
 mod rows;
 mod searched;

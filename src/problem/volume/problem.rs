@@ -72,6 +72,9 @@ impl VolumeProblem {
         desired: &[Desired],
         find: Find,
     ) -> Result<Self> {
+        if find == Find::Refinement {
+            return Self::linearized(scene, medium, optics, desired);
+        }
         let searched = Searched::new(scene, medium, optics, find)?;
         let (pixels, unwanted) = wanted_pixels(scene, desired);
         let rays = open_rays(scene, &pixels);
@@ -118,9 +121,21 @@ impl VolumeProblem {
                 VolumeRows::Lights(rows)
             }
         };
+        Ok(Self::of_rows(find, traversal, grey, (targets, weights, wanted), left_out, searched))
+    }
+
+    /// The problem of some rows, with their targets, weights, and what they should show, squared, weighted and summed up.
+    pub(super) fn of_rows(
+        find: Find,
+        traversal: VolumeRows,
+        grey: bool,
+        (targets, weights, wanted): (Vec<Rgb>, Vec<Rgb>, [f64; 3]),
+        left_out: LeftOut,
+        searched: Searched,
+    ) -> Self {
         let plan = plan(&traversal, grey);
         let Searched { start, places, size, bounds, steering, outside_hull, .. } = searched;
-        Ok(Self {
+        Self {
             find,
             traversal,
             targets,
@@ -135,13 +150,14 @@ impl VolumeProblem {
             bounds,
             steering,
             grey,
-        })
+        }
     }
 
     /// The model of light under which the property is looked for.
     pub fn model(scene: &VolumeScene, find: Find) -> Model {
         match find {
-            Find::Extinction => Model::Constant(scene.extinction.medium_radiance),
+            Find::Refinement if scene.extinction.is_scattering => Model::SingleScattering,
+            Find::Extinction | Find::Refinement => Model::Constant(scene.extinction.medium_radiance),
             _ => Model::SingleScattering,
         }
     }
@@ -151,11 +167,15 @@ impl VolumeProblem {
         let bounds = match find {
             Find::Emission | Find::Joint => scene.bounds.emission,
             Find::Albedo => scene.bounds.albedo,
-            Find::Extinction => scene.bounds.extinction,
+            Find::Extinction | Find::Refinement => scene.bounds.extinction,
             Find::Environment => scene.bounds.environment,
         };
         // Tiles of 64 voxels cost several times what a row's few voxels do, and save few iterations (docs/volumes.md).
         let metric = match scene.solve.metric {
+            // Weights of either sign cancel in the sums that the others are made of.
+            MetricName::Auto | MetricName::Sqs | MetricName::Tiles if find == Find::Refinement => {
+                MetricName::Jacobi
+            }
             MetricName::Auto => MetricName::Sqs,
             metric => metric,
         };
@@ -223,12 +243,14 @@ impl VolumeProblem {
 
     /// What all voxels start from, in the order (z, y, x).
     pub fn all_starts(&self, medium: &VolumeMedium) -> Vec<Rgb> {
-        let VolumeRows::Voxels(traversal) = &self.traversal else { return self.start.clone() };
+        if let VolumeRows::Lights(_) = self.traversal {
+            return self.start.clone();
+        }
         let colors = |part: &Part| {
             let volume = property(medium, &part.quantity);
             (0..volume.grid().len()).map(|index| volume.color(index)).collect::<Vec<Rgb>>()
         };
-        traversal.parts().iter().flat_map(colors).collect()
+        self.traversal.through_medium().parts().iter().flat_map(colors).collect()
     }
 
     /// The row weights, one colour a row.
@@ -239,8 +261,8 @@ impl VolumeProblem {
     /// All that could be looked for: voxels of the grids, or lights.
     pub fn candidates(&self) -> usize {
         match &self.traversal {
-            VolumeRows::Voxels(rows) => rows.parts().iter().map(|part| part.grid.len()).sum(),
             VolumeRows::Lights(_) => self.start.len(),
+            rows => rows.through_medium().parts().iter().map(|part| part.grid.len()).sum(),
         }
     }
 
@@ -261,8 +283,8 @@ impl VolumeProblem {
     /// Bytes of what is prepared for the unknowns: light volumes.
     pub fn prepared_bytes(&self) -> u64 {
         match &self.traversal {
-            VolumeRows::Voxels(_) => 0,
             VolumeRows::Lights(rows) => rows.bytes(),
+            _ => 0,
         }
     }
 
@@ -284,18 +306,15 @@ impl VolumeProblem {
     /// Errors: [`Error::NonFinite`] naming a voxel, [`Error::Value`] naming a light.
     pub fn apply(&self, state: &VolumeState, x: &[Rgb]) -> Result<VolumeState> {
         let mut changed = state.clone();
-        let traversal = match &self.traversal {
-            VolumeRows::Voxels(traversal) => traversal,
-            VolumeRows::Lights(rows) => {
-                // A method that keeps no bounds may leave a light below zero, which shines as little as one that is out.
-                let lights = x.iter().map(|color| color.map(|value| value.max(0.0))).collect();
-                changed.environment = Environment::lights(rows.basis().clone(), lights)?;
-                return Ok(changed);
-            }
-        };
+        if let VolumeRows::Lights(rows) = &self.traversal {
+            // A method that keeps no bounds may leave a light below zero, which shines as little as one that is out.
+            let lights = x.iter().map(|color| color.map(|value| value.max(0.0))).collect();
+            changed.environment = Environment::lights(rows.basis().clone(), lights)?;
+            return Ok(changed);
+        }
         let medium = &mut changed.medium;
         let mut rest = x;
-        for part in traversal.parts() {
+        for part in self.traversal.through_medium().parts() {
             let (mine, others) = rest.split_at(part.voxels().len());
             rest = others;
             let found = Arc::new(replaced(property(medium, &part.quantity), part.voxels(), mine)?);
@@ -347,7 +366,7 @@ fn replaced(volume: &Volume, voxels: &VoxelSet, colors: &[Rgb]) -> Result<Volume
     Volume::of_colors(*volume.grid(), &all)
 }
 
-fn nothing_to_solve(find: Find, left_out: &LeftOut) -> Error {
+pub(super) fn nothing_to_solve(find: Find, left_out: &LeftOut) -> Error {
     if left_out.without_logarithm > 0 {
         return Error::Empty {
             reason: format!(

@@ -1,11 +1,13 @@
 use super::environment::LitRows;
-use crate::march::{PixelRays, Traversal, VolumeTransport, VolumeTraversal, Weight};
+use crate::march::{LinearizedTraversal, PixelRays, Traversal, VolumeTransport, VolumeTraversal, Weight};
 
 /// The rows of a volume problem.
 #[derive(Debug, Clone)]
 pub enum VolumeRows {
     /// Over voxels.
     Voxels(VolumeTraversal),
+    /// Over the extinction of voxels, of how radiance changes with it.
+    Linearized(LinearizedTraversal),
     /// Over lights around the volume.
     Lights(LitRows),
 }
@@ -15,6 +17,7 @@ impl VolumeRows {
     pub fn through_medium(&self) -> &VolumeTraversal {
         match self {
             Self::Voxels(rows) => rows,
+            Self::Linearized(rows) => rows.medium(),
             Self::Lights(rows) => &rows.scattered,
         }
     }
@@ -33,6 +36,7 @@ impl VolumeRows {
     pub(super) fn picked(&self, rows: &[usize]) -> Self {
         match self {
             Self::Voxels(all) => Self::Voxels(all.along(all.rays().picked(rows))),
+            Self::Linearized(all) => Self::Linearized(all.picked(rows)),
             Self::Lights(all) => Self::Lights(all.picked(rows)),
         }
     }
@@ -46,6 +50,7 @@ impl<const C: usize> Traversal<f64, C> for VolumeRows {
     fn elements(&self) -> usize {
         match self {
             Self::Voxels(rows) => Traversal::<f64, C>::elements(rows),
+            Self::Linearized(rows) => Traversal::<f64, C>::elements(rows),
             Self::Lights(rows) => Traversal::<f64, C>::elements(rows),
         }
     }
@@ -54,6 +59,7 @@ impl<const C: usize> Traversal<f64, C> for VolumeRows {
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
         match self {
             Self::Voxels(rows) => rows.walk(row, visit),
+            Self::Linearized(rows) => rows.walk(row, visit),
             Self::Lights(rows) => rows.walk(row, visit),
         }
     }

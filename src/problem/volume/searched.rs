@@ -30,7 +30,7 @@ impl Searched {
         optics: &Optics,
         find: Find,
     ) -> Result<Self> {
-        if find != Find::Extinction && optics.density.cells().is_empty() {
+        if !matches!(find, Find::Extinction | Find::Refinement) && optics.density.cells().is_empty() {
             return Err(Error::Empty {
                 reason: "the volume has no extinction anywhere, so nothing in it emits or scatters"
                     .to_owned(),
@@ -81,7 +81,7 @@ impl Searched {
                 searched.bounds = bounds(settings.emission)?.then(first, bounds(settings.albedo)?);
                 searched.steering = steering(scene.pull, first);
             }
-            Find::Extinction => {
+            Find::Extinction | Find::Refinement => {
                 searched.add(scene, optics, Quantity::Extinction, &medium.extinction)?;
                 searched.bounds = bounds(settings.extinction)?;
             }

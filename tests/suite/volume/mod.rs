@@ -5,6 +5,7 @@ mod environment;
 mod light;
 mod mitsuba;
 mod operator;
+mod refinement;
 mod refraction;
 mod scene;
 mod solving;

@@ -37,7 +37,12 @@ pub fn scene(medium: VolumeMedium, environment: Environment, cameras: Vec<Camera
         target: Target::Radiance,
         stages: Vec::new(),
         rounds: 1,
-        extinction: ExtinctionSettings { medium_radiance: [0.0; 3], is_grey: true },
+        extinction: ExtinctionSettings {
+            medium_radiance: [0.0; 3],
+            is_grey: true,
+            steps: 10,
+            is_scattering: false,
+        },
         bounds: PropertyBounds::default(),
         pull: [1.0; 2],
         hull: true,

@@ -99,6 +99,10 @@ pub enum Find {
     Joint,
     /// Extinction, for a medium of the same radiance everywhere.
     Extinction,
+    /// Extinction by Gauss–Newton on the radiance that is seen, from the volume's own extinction.
+    Refinement,
+    /// Extinction first, then refined.
+    ExtinctionThenRefinement,
     /// Extinction first, then emission and albedo together.
     ExtinctionThenJoint,
     /// Extinction first, then emission.
@@ -223,7 +227,7 @@ impl VolumeDocument {
         if !(1..=100).contains(&rounds) {
             return Err(Flaw::value("rounds", rounds, "from 1 to 100"));
         }
-        if rounds > 1 && (stages.len() < 2 || stages.contains(&scene::Find::Extinction)) {
+        if rounds > 1 && (stages.len() < 2 || stages[0] != scene::Find::Environment) {
             let expected = "1, but where the environment is looked for in turn with emission or albedo";
             return Err(Flaw::value("rounds", rounds, expected));
         }
@@ -284,12 +288,14 @@ impl VolumeDocument {
 
 impl Find {
     fn stages(self) -> Vec<scene::Find> {
-        use scene::Find::{Albedo, Emission, Environment, Extinction, Joint};
+        use scene::Find::{Albedo, Emission, Environment, Extinction, Joint, Refinement};
         match self {
             Self::Emission => vec![Emission],
             Self::Albedo => vec![Albedo],
             Self::Joint => vec![Joint],
             Self::Extinction => vec![Extinction],
+            Self::Refinement => vec![Refinement],
+            Self::ExtinctionThenRefinement => vec![Extinction, Refinement],
             Self::ExtinctionThenJoint => vec![Extinction, Joint],
             Self::ExtinctionThenEmission => vec![Extinction, Emission],
             Self::ExtinctionThenAlbedo => vec![Extinction, Albedo],

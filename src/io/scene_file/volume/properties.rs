@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::field::{Field, GridSize};
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::channels::Channels;
-use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
+use crate::io::scene_file::flaw::{At, Built, Flaw, checked, within};
 use crate::io::scene_file::transform::Transform;
 use crate::scene::{self, VolumeMedium, VoxelGrid};
 
@@ -71,11 +71,26 @@ pub struct Extinction {
     pub medium_radiance: Channels,
     /// Whether each channel has an extinction of its own.
     pub colored: bool,
+    /// Steps of Gauss–Newton that a refinement takes at most, from 1 to 1000: fewer where a step brings nothing more.
+    pub steps: usize,
+    /// What the medium is taken to give in a refinement.
+    pub gives: Gives,
+}
+
+/// What a medium gives per optical depth.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Gives {
+    /// The same everywhere: `medium_radiance`.
+    #[default]
+    MediumRadiance,
+    /// The emission of the volume, and the light of the scene that its albedo scatters once.
+    SingleScattering,
 }
 
 impl Default for Extinction {
     fn default() -> Self {
-        Self { medium_radiance: Channels::Grey(0.0), colored: false }
+        Self { medium_radiance: Channels::Grey(0.0), colored: false, steps: 10, gives: Gives::default() }
     }
 }
 
@@ -118,7 +133,7 @@ impl Volume {
                 Emission => name == "emission",
                 Albedo => name == "albedo",
                 Joint => name == "emission" || name == "albedo",
-                scene::Find::Extinction | scene::Find::Environment => false,
+                scene::Find::Extinction | scene::Find::Refinement | scene::Find::Environment => false,
             });
             let size = if matches!(field, Field::Constant(_)) && !is_found { [1; 3] } else { size };
             let volume = field.build(assets, Some(size), Some(place)).at(name)?;
@@ -163,6 +178,8 @@ impl Extinction {
         Ok(scene::ExtinctionSettings {
             medium_radiance: self.medium_radiance.rgb("medium_radiance", f32::MAX)?,
             is_grey: !self.colored,
+            steps: within("steps", self.steps, [1, 1000])?,
+            is_scattering: self.gives == Gives::SingleScattering,
         })
     }
 }
