@@ -16,7 +16,7 @@ use crate::solve::StopReason;
 /// A round that brings the pictures nearer by less than this share of their distance is the last one.
 const LEAST_GAIN: f64 = 1e-3;
 /// How often a step of Gauss–Newton is halved before it counts as leading nowhere.
-const MOST_HALVINGS: i32 = 6;
+const MOST_HALVINGS: i32 = 7;
 
 /// How far the pictures are from what is wanted: view by view, and all together.
 #[derive(Debug, Clone, Default)]

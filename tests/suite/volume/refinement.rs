@@ -160,7 +160,7 @@ fn scattering_scene(basis: Interpolation, depth: f32) -> unscatter::scene::Volum
         Camera::new(eye, 50.0, FovAxis::X, [16, 14]).unwrap()
     };
     let sky = Environment::constant([0.1, 0.2, 0.4], 16).unwrap();
-    let mut scene = super::scene::scene(medium, sky, (0..4).map(eye).collect());
+    let mut scene = scene::scene(medium, sky, (0..4).map(eye).collect());
     scene.lights.push(DirectionalLight::new(DVec3::new(0.3, -1.0, -0.4), [1.0, 0.8, 0.5]).unwrap());
     scene.background = Some([1.0, 0.9, 0.8]);
     scene.extinction.is_scattering = true;

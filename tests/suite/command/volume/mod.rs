@@ -3,6 +3,7 @@
 mod bad_input;
 mod environment;
 mod formats;
+mod refinement;
 mod solving;
 
 use serde_json::{Value, json};
