@@ -1,14 +1,12 @@
 //! One stage after the other, each with what was found before.
 
-use super::super::args::VolumeArguments;
 use super::super::engine::Engine;
 use super::super::progress::Steps;
-use super::super::results::Folder;
 use super::findings::record;
-use super::stage::{Stage, Task};
+use super::stage::{Place, Stage, Task};
 use super::{nothing_asked, pictures};
 use crate::Result;
-use crate::problem::{Desired, Model, Optics, VolumeProblem, VolumeState};
+use crate::problem::{Desired, Determined, Model, Optics, VolumeProblem, VolumeState};
 use crate::report::StageRecord;
 use crate::scene::{Find, Image, VolumeScene};
 use crate::solve::StopReason;
@@ -21,6 +19,8 @@ const LEAST_GAIN: f64 = 1e-3;
 pub(super) struct Distance {
     pub(super) views: Vec<f64>,
     pub(super) all: f64,
+    /// Σ w ‖L − L*‖² and Σ w ‖L*‖², of all views.
+    pub(super) sums: [f64; 2],
 }
 
 /// What the stages of a scene have come to.
@@ -32,6 +32,8 @@ pub(super) struct Outcome {
     pub(super) before: Vec<Image>,
     pub(super) after: Vec<Image>,
     pub(super) distances: [Distance; 2],
+    /// The voxels that were found.
+    pub(super) determined: Vec<Determined>,
     /// Each stage in a few numbers, and the last one whole.
     pub(super) records: Vec<StageRecord>,
     pub(super) last: Stage,
@@ -50,8 +52,7 @@ impl Outcome {
 pub(super) fn run(
     scene: &VolumeScene,
     engine: &mut Engine,
-    arguments: &VolumeArguments,
-    folder: &Folder,
+    place: Place,
     steps: &mut Steps,
 ) -> Result<Outcome> {
     steps.begin("lighting", None);
@@ -65,6 +66,7 @@ pub(super) fn run(
     let first_distance = distance(&desired, &before);
     let mut now = first_distance.clone();
     let (mut records, mut last): (Vec<StageRecord>, Option<Stage>) = (Vec::new(), None);
+    let mut determined = Vec::new();
     'rounds: for round in 0..scene.rounds {
         let at_start = now.all;
         for &find in &scene.stages {
@@ -74,13 +76,16 @@ pub(super) fn run(
                 (drawn, now) = (model, distance(&desired, &after));
             }
             let task = Task { scene, state: &state, optics: &optics, desired: &desired, find };
-            let stage = task.solve(engine, arguments, folder, steps)?;
+            let stage = task.solve(engine, place, steps)?;
             let (new_optics, pictures_after) = shown(scene, &stage, &optics, model, steps)?;
             let then = distance(&desired, &pictures_after);
             let is_taken = scene.rounds == 1 || then.all <= now.all;
             let reached = if is_taken { then } else { now.clone() };
             records.push(record(&stage, round, is_taken, [now.all, reached.all]));
             if is_taken {
+                let found = Determined::by(&stage.problem, &stage.trial.solved.columns);
+                determined.retain(|old: &Determined| found.iter().all(|new| new.property != old.property));
+                determined.extend(found);
                 (state, optics, after) = (stage.state.clone(), new_optics, pictures_after);
             }
             now = reached;
@@ -95,7 +100,8 @@ pub(super) fn run(
         }
     }
     let last = last.ok_or_else(nothing_asked)?;
-    Ok(Outcome { state, optics, desired, before, after, distances: [first_distance, now], records, last })
+    let distances = [first_distance, now];
+    Ok(Outcome { state, optics, desired, before, after, distances, determined, records, last })
 }
 
 /// The light after a stage, and the pictures.
@@ -118,11 +124,16 @@ fn shown(
     Ok((optics, pictures))
 }
 
-fn distance(desired: &[Desired], pictures: &[Image]) -> Distance {
+pub(super) fn distance(desired: &[Desired], pictures: &[Image]) -> Distance {
     let (views, sums): (Vec<f64>, Vec<[f64; 2]>) =
         desired.iter().zip(pictures).map(|(desired, picture)| desired.residual(picture)).unzip();
-    let [miss, all] = sums.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
-    Distance { views, all: if all > 0.0 { (miss / all).sqrt() } else { 0.0 } }
+    let sums = sums.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+    Distance { views, all: relative(sums), sums }
+}
+
+/// √(Σ w ‖L − L*‖² / Σ w ‖L*‖²).
+pub(super) fn relative([miss, all]: [f64; 2]) -> f64 {
+    if all > 0.0 { (miss / all).sqrt() } else { 0.0 }
 }
 
 impl Stage {

@@ -1,5 +1,6 @@
 //! Scene files that describe a volume.
 
+mod animation;
 mod document;
 mod field;
 mod lights;
@@ -7,6 +8,7 @@ mod properties;
 mod shapes;
 mod view;
 
+pub use animation::{AnimatedVolume, Animation, Between, Key, KeyView};
 pub use document::{Environment, Find, Pull, TransformsFile, VolumeDocument};
 pub use field::{Field, FieldSource, GridSize};
 pub use lights::{Lights, Over};
