@@ -33,16 +33,17 @@ pub(super) fn load(arguments: &SceneArguments, flags: &[String]) -> Result<Scene
 /// Errors: those of [`io::scene_file::load_volume`], and [`Error::TooLarge`] when its volumes and pictures alone exceed the
 /// memory that may be used.
 pub(super) fn load_volume(arguments: &SceneArguments, flags: &[String]) -> Result<VolumeScene> {
-    let (given, expected) = match io::scene_file::subject(&arguments.scene)? {
-        Subject::Volume => ("", ""),
-        Subject::LightMap => {
-            ("a scene without `volume`", "a volume scene; light maps are found by `unscatter light-map`")
-        }
+    let refused = match io::scene_file::subject(&arguments.scene)? {
+        Subject::Volume => None,
+        Subject::LightMap => Some((
+            "a scene without `volume`",
+            "a volume scene; light maps are found by `unscatter light-map`",
+        )),
         Subject::Animation => {
-            ("a scene with `animation`", "a scene without; animations are made by `unscatter animate`")
+            Some(("a scene with `animation`", "a scene without; animations are made by `unscatter animate`"))
         }
     };
-    if !given.is_empty() {
+    if let Some((given, expected)) = refused {
         return Err(Error::value(arguments.scene.display().to_string(), given, expected));
     }
     let scene = io::scene_file::load_volume(&arguments.scene, &overrides(arguments, flags))?;

@@ -18,8 +18,8 @@ use crate::report::{self, AnimationRecord, Change, KeyRecord, Report};
 use crate::scene::{Between, Find, Image, VolumeScene};
 use crate::{Error, Result};
 
-/// Pictures in the strip of the report at most, and their longer side.
-const STRIP: (usize, usize) = (12, 240);
+/// Pictures in the strip of the report at most.
+const STRIP: usize = 12;
 
 /// What the files of a frame begin with.
 pub(in crate::cli) fn of_frame(kind: &str, frame: usize) -> String {
@@ -187,7 +187,7 @@ struct Film<'a> {
 impl Film<'_> {
     /// Draws and writes frames, and puts some of them into the strip; after Ctrl-C only keys. Says how many there are.
     fn draw(&self, frames: Vec<usize>, strip: &mut Vec<(u64, Vec<u8>)>, steps: &mut Steps) -> Result<usize> {
-        let every = frames.len().div_ceil(STRIP.0).max(1);
+        let every = frames.len().div_ceil(STRIP).max(1);
         let mut drawn = 0;
         for (index, &frame) in frames.iter().enumerate() {
             steps.within(format!("frame {frame} of {}", self.animated.animation.frames));
@@ -197,8 +197,8 @@ impl Film<'_> {
             if index % every == 0
                 && let Some(picture) = pictures.first()
             {
-                let exposure = self.keys[0].scene.exposure;
-                strip.push((frame as u64, crate::io::image::png_bytes(&shrunk(picture)?, exposure)?));
+                let small = results::small_png(picture, self.keys[0].scene.exposure)?;
+                strip.push((frame as u64, small));
             }
         }
         steps.within(String::new());
@@ -238,26 +238,6 @@ impl Film<'_> {
         }
         self.folder.publish()
     }
-}
-
-/// The picture with blocks of pixels for pixels, so that it is small enough for the strip.
-fn shrunk(picture: &Image) -> Result<Image> {
-    let [width, height] = picture.size();
-    let side = width.max(height).div_ceil(STRIP.1).max(1);
-    let size = [width.div_ceil(side), height.div_ceil(side)];
-    let mean = |index: usize| {
-        let (left, top) = (index % size[0] * side, index / size[0] * side);
-        let (mut sum, mut count) = ([0.0; 3], 0.0);
-        for y in top..(top + side).min(height) {
-            for x in left..(left + side).min(width) {
-                let pixel = picture.at(x, y);
-                (0..3).for_each(|c| sum[c] += pixel[c]);
-                count += 1.0;
-            }
-        }
-        sum.map(|value: f32| value / count)
-    };
-    Image::new(size, (0..size[0] * size[1]).map(mean).collect())
 }
 
 /// The report of all keys: the numbers of the last one, with what can be said of all together.

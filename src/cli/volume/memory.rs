@@ -34,9 +34,12 @@ pub(in crate::cli) fn check_keys(keys: &[KeyFrame]) -> Result<()> {
 /// Bytes that diffusion takes a voxel: vectors in f64 over voxels and three edges each, and who lies beside whom.
 const SPREAD: usize = 640;
 
-/// Errors: [`crate::Error::TooLarge`] when diffusion into so many voxels would exceed what may be used.
+/// Errors: [`crate::Error::TooLarge`] when diffusion into so many voxels of the extinction would exceed what may be used.
 pub(in crate::cli) fn check_spread(scene: &VolumeScene, voxels: usize) -> Result<()> {
-    check_memory("diffusion between the keys", (SPREAD * voxels) as u64, allowed(&scene.solve), REMEDY)
+    let [extinction, albedo, emission] =
+        [&scene.medium.extinction, &scene.medium.albedo, &scene.medium.emission].map(|of| of.grid().len());
+    let needed = SPREAD * voxels * albedo.max(emission).div_ceil(extinction);
+    check_memory("diffusion between the keys", needed as u64, allowed(&scene.solve), REMEDY)
 }
 
 /// Bytes that the kept rows of a stage may take.

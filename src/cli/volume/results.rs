@@ -34,6 +34,9 @@ pub(super) fn write_volumes(
     Ok(())
 }
 
+/// The longer side of a small picture at most.
+const LONGEST: usize = 240;
+
 /// Columns and rows of the picture of an environment.
 const SKY_SIZE: [usize; 2] = [512, 256];
 
@@ -142,4 +145,25 @@ pub(super) fn write_turntable(
         .enumerate()
         .map(|(index, picture)| folder.write_png(&format!("{prefix}turntable_{index:03}"), picture, exposure))
         .collect()
+}
+
+/// A picture as PNG, with the means of blocks of pixels for pixels where it is large.
+pub(super) fn small_png(picture: &Image, exposure: f64) -> Result<Vec<u8>> {
+    let [width, height] = picture.size();
+    let side = width.max(height).div_ceil(LONGEST).max(1);
+    let size = [width.div_ceil(side), height.div_ceil(side)];
+    let mean = |index: usize| {
+        let (left, top) = (index % size[0] * side, index / size[0] * side);
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        for y in top..(top + side).min(height) {
+            for x in left..(left + side).min(width) {
+                let pixel = picture.at(x, y);
+                (0..3).for_each(|c| sum[c] += pixel[c]);
+                count += 1.0;
+            }
+        }
+        sum.map(|value: f32| value / count)
+    };
+    let small = Image::new(size, (0..size[0] * size[1]).map(mean).collect())?;
+    io::image::png_bytes(&small, exposure)
 }

@@ -150,7 +150,8 @@ impl FieldSource {
             let Some(at) = file.find('#') else { return file.clone() };
             let (before, rest) = file.split_at(at);
             let after = rest.trim_start_matches('#');
-            let digits = rest.len() - after.len();
+            // More digits than a number has are no names of files.
+            let digits = (rest.len() - after.len()).min(20);
             format!("{before}{number:0digits$}{after}")
         };
         Self { file: self.file.as_ref().map(numbered), ..self.clone() }
