@@ -130,8 +130,8 @@ fn unreached(report: &Report, unknowns: &str) -> String {
     if let Some(animation) = &report.animation {
         let filled = animation.keys.iter().map(|key| key.spread_voxels).sum();
         return format!(
-            "Voxels that no wanted ray reaches at a key, and where there is extinction at some frame were filled by diffusion: \
-             {} at all keys together.",
+            "Voxels with extinction at some frame that no wanted ray reaches at a key were filled there by diffusion: {} at all \
+             keys together.",
             count(filled)
         );
     }

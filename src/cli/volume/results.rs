@@ -35,7 +35,7 @@ pub(super) fn write_volumes(
 }
 
 /// The longer side of a small picture at most.
-const LONGEST: usize = 240;
+const LONGEST: usize = 320;
 
 /// Columns and rows of the picture of an environment.
 const SKY_SIZE: [usize; 2] = [512, 256];
