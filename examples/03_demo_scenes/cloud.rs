@@ -166,6 +166,6 @@ fn brush(
 }
 
 /// Pixels to a tenth; finer than anyone paints.
-fn tenths(value: f64) -> f64 {
+pub(crate) fn tenths(value: f64) -> f64 {
     millimetres((value * 10.0).round() / 10.0)
 }

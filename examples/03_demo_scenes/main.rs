@@ -23,6 +23,7 @@ mod hand;
 mod nave;
 mod numbers;
 mod painter;
+mod smoke;
 mod stage;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -64,6 +65,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = write_volume(&path, &cloud)?;
     cloud.views.iter_mut().enumerate().for_each(|(index, view)| view.strokes = cloud::strokes(&scene, index));
     write_volume(&path, &cloud)?;
+    let mut smoke = smoke::document();
+    let path = folder.join("smoke.json");
+    let scene = write_volume(&path, &smoke)?;
+    smoke.animation = Some(smoke::animation(&scene));
+    write_volume(&path, &smoke)?;
     Ok(())
 }
 

@@ -1,3 +1,4 @@
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -32,6 +33,8 @@ pub(crate) enum Command {
     LightMap(LightMapArguments),
     /// Find the emission, albedo or extinction of a volume behind target pictures, or the light around it.
     Volume(VolumeArguments),
+    /// Find what is asked for at the key frames of a volume, and draw all frames.
+    Animate(AnimateArguments),
     /// Draw the views of a scene, under its plain light or under a light map.
     Render(RenderArguments),
     /// Say what a solve would take, without doing it.
@@ -173,21 +176,72 @@ impl VolumeArguments {
     }
 
     /// The formats that results are written in.
-    ///
-    /// Errors: [`Error::Value`] for a name that is none.
     pub(crate) fn formats(&self) -> Result<Vec<Format>> {
-        if self.formats.is_empty() {
-            return Ok(vec![Format::Npy, Format::Vdb]);
+        formats(&self.formats)
+    }
+}
+
+/// The formats of some names; npy and vdb where there are none.
+///
+/// Errors: [`Error::Value`] for a name that is none.
+fn formats(names: &[String]) -> Result<Vec<Format>> {
+    if names.is_empty() {
+        return Ok(vec![Format::Npy, Format::Vdb]);
+    }
+    let mut formats = Vec::new();
+    for name in names {
+        match Format::ALL.into_iter().find(|format| format.name().eq_ignore_ascii_case(name)) {
+            Some(format) => formats.push(format),
+            None if name == "all" => formats.extend(Format::ALL),
+            None => return Err(Error::value("--format", name, "vdb, npy, npz, vol, raw or all")),
         }
-        let mut formats = Vec::new();
-        for name in &self.formats {
-            match Format::ALL.into_iter().find(|format| format.name().eq_ignore_ascii_case(name)) {
-                Some(format) => formats.push(format),
-                None if name == "all" => formats.extend(Format::ALL),
-                None => return Err(Error::value("--format", name, "vdb, npy, npz, vol, raw or all")),
-            }
-        }
-        Ok(formats)
+    }
+    Ok(formats)
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct AnimateArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    #[command(flatten)]
+    pub(crate) backend: BackendArguments,
+    #[command(flatten)]
+    pub(crate) output: OutputArguments,
+    #[command(flatten)]
+    pub(crate) solve: SolveArguments,
+    /// What to look for at every key, instead of what the scene says: as of `volume`.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) find: Option<String>,
+    /// Draw only these frames, both ends included; all keys are solved in any case.
+    #[arg(long, value_name = "A..B", value_parser = frames)]
+    pub(crate) frames: Option<RangeInclusive<usize>>,
+    /// Write the volumes of every frame, too, and not of the keys alone.
+    #[arg(long)]
+    pub(crate) volumes: bool,
+    /// Files to write volumes to: vdb, npy, npz, vol, raw, or all; may be repeated. npy and vdb by default.
+    #[arg(long = "format", value_name = "FORMAT")]
+    pub(crate) formats: Vec<String>,
+}
+
+impl AnimateArguments {
+    /// The flags that stand for values of the scene.
+    pub(crate) fn overrides(&self) -> Vec<String> {
+        let find = self.find.iter().map(|find| format!("find={find}"));
+        find.chain(self.solve.overrides()).collect()
+    }
+
+    /// The formats that volumes are written in.
+    pub(crate) fn formats(&self) -> Result<Vec<Format>> {
+        formats(&self.formats)
+    }
+}
+
+/// `A..B`, or `A` for one frame.
+fn frames(text: &str) -> std::result::Result<RangeInclusive<usize>, String> {
+    let (from, to) = text.split_once("..").unwrap_or((text, text));
+    match (from.parse(), to.parse()) {
+        (Ok(from), Ok(to)) if from <= to => Ok(from..=to),
+        _ => Err("two frame numbers A..B with A not above B".to_owned()),
     }
 }
 

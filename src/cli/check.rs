@@ -138,14 +138,16 @@ pub(super) fn run(arguments: &CheckArguments, manners: &Manners) -> Result<Done>
             steps.begin("checking", None);
             check(&scene.name, &problem, &engine, &mut words)?
         }
-        Subject::Volume => {
-            let scene = job::load_volume(&arguments.scene, &[])?;
+        Subject::Volume | Subject::Animation => {
+            let scenes = job::load_volumes(&arguments.scene)?;
             let engine = Engine::choose(&arguments.backend)?;
             let mut verdicts = Vec::new();
-            for (find, problem) in super::volume::problems(&scene, &mut steps)? {
-                steps.begin("checking", None);
-                let name = format!("{}, {}", scene.name, find.name());
-                verdicts.extend(check(&name, &problem.sampled(ROWS), &engine, &mut words)?);
+            for (_, scene) in &scenes {
+                for (find, problem) in super::volume::problems(scene, &mut steps)? {
+                    steps.begin("checking", None);
+                    let name = format!("{}, {}", scene.name, find.name());
+                    verdicts.extend(check(&name, &problem.sampled(ROWS), &engine, &mut words)?);
+                }
             }
             verdicts
         }

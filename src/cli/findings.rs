@@ -58,6 +58,7 @@ impl Findings<'_> {
             adjoint_error: self.computed.adjoint_error,
             coverage: self.covered(),
             stages: Vec::new(),
+            animation: None,
         }
     }
 

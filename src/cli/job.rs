@@ -1,9 +1,9 @@
 use super::args::SceneArguments;
 use super::machine;
 use crate::cpu::Tiling;
-use crate::io::scene_file::Subject;
+use crate::io::scene_file::{AnimatedVolume, Subject};
 use crate::problem::LightMapProblem;
-use crate::scene::{MetricName, Scene, SolveSettings, VolumeScene};
+use crate::scene::{KeyFrame, MetricName, Scene, SolveSettings, VolumeScene};
 use crate::{Error, Result, io};
 
 const COLOR: usize = size_of::<[f32; 3]>();
@@ -15,7 +15,7 @@ const SHADOW_TEXEL: usize = 15;
 /// Errors: those of [`io::scene_file::load`], and [`Error::TooLarge`] when its pictures and maps alone exceed the
 /// memory that may be used: that is known from their sizes, before any of them is made.
 pub(super) fn load(arguments: &SceneArguments, flags: &[String]) -> Result<Scene> {
-    if io::scene_file::subject(&arguments.scene)? == Subject::Volume {
+    if io::scene_file::subject(&arguments.scene)? != Subject::LightMap {
         return Err(Error::value(
             arguments.scene.display().to_string(),
             "a scene with a `volume`",
@@ -33,17 +33,52 @@ pub(super) fn load(arguments: &SceneArguments, flags: &[String]) -> Result<Scene
 /// Errors: those of [`io::scene_file::load_volume`], and [`Error::TooLarge`] when its volumes and pictures alone exceed the
 /// memory that may be used.
 pub(super) fn load_volume(arguments: &SceneArguments, flags: &[String]) -> Result<VolumeScene> {
-    if io::scene_file::subject(&arguments.scene)? == Subject::LightMap {
-        return Err(Error::value(
-            arguments.scene.display().to_string(),
+    let refused = match io::scene_file::subject(&arguments.scene)? {
+        Subject::Volume => None,
+        Subject::LightMap => Some((
             "a scene without `volume`",
             "a volume scene; light maps are found by `unscatter light-map`",
-        ));
+        )),
+        Subject::Animation => {
+            Some(("a scene with `animation`", "a scene without; animations are made by `unscatter animate`"))
+        }
+    };
+    if let Some((given, expected)) = refused {
+        return Err(Error::value(arguments.scene.display().to_string(), given, expected));
     }
     let scene = io::scene_file::load_volume(&arguments.scene, &overrides(arguments, flags))?;
     tracing::info!(name = scene.name, views = scene.views.len(), "scene");
     super::volume::check_scene(&scene)?;
     Ok(scene)
+}
+
+/// Reads the volume scene of a command that has an animation, as [`load_volume`] does others.
+pub(super) fn load_animation(arguments: &SceneArguments, flags: &[String]) -> Result<AnimatedVolume> {
+    if io::scene_file::subject(&arguments.scene)? != Subject::Animation {
+        return Err(Error::value(
+            arguments.scene.display().to_string(),
+            "a scene without `animation`",
+            "a volume scene with key frames; other volumes are found by `unscatter volume`",
+        ));
+    }
+    let animated = io::scene_file::load_animation(&arguments.scene, &overrides(arguments, flags))?;
+    let keys = &animated.animation.keys;
+    tracing::info!(keys = keys.len(), frames = animated.animation.frames, "animation");
+    super::volume::check_keys(keys)?;
+    Ok(animated)
+}
+
+/// The volume scenes of a command: one, or those of the key frames, with what the names of their files begin with.
+pub(super) fn load_volumes(arguments: &SceneArguments) -> Result<Vec<(String, VolumeScene)>> {
+    if io::scene_file::subject(&arguments.scene)? != Subject::Animation {
+        return Ok(vec![(String::new(), load_volume(arguments, &[])?)]);
+    }
+    let keys = load_animation(arguments, &[])?.animation.keys.into_iter();
+    let named = |key: KeyFrame| {
+        let name = format!("{}, frame {}", key.scene.name, key.frame);
+        (super::volume::of_frame("frame", key.frame), VolumeScene { name, ..key.scene })
+    };
+    Ok(keys.map(named).collect())
 }
 
 /// The overrides of a command, and those that its flags stand for.

@@ -25,7 +25,7 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     steps.begin("tracing", None);
     let problem = trace(&scene, &engine, arguments.rasterize)?;
     job::settle_metric(&mut scene, &problem);
-    let checkpoint = resume::Keeper::new(&folder, resume::of_light_map(&scene, &problem));
+    let checkpoint = resume::Keeper::new(&folder, "checkpoint", resume::of_light_map(&scene, &problem));
     let resumed = if arguments.solve.resume { Some(checkpoint.read()?) } else { None };
     let task = Task {
         scene: &scene,

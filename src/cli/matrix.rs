@@ -14,7 +14,7 @@ pub(super) fn run(arguments: &MatrixArguments, manners: &Manners) -> Result<Done
     steps.begin("reading", None);
     let system = match io::scene_file::subject(&arguments.scene.scene)? {
         Subject::LightMap => of_light_map(arguments, &mut steps)?,
-        Subject::Volume => of_volume(arguments, &mut steps)?,
+        Subject::Volume | Subject::Animation => of_volume(arguments, &mut steps)?,
     };
     let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
     steps.begin("writing", None);
@@ -74,7 +74,8 @@ fn of_light_map(arguments: &MatrixArguments, steps: &mut Steps) -> Result<System
 }
 
 fn of_volume(arguments: &MatrixArguments, steps: &mut Steps) -> Result<System> {
-    let scene = job::load_volume(&arguments.scene, &[])?;
+    // Of several key frames the first.
+    let (_, scene) = job::load_volumes(&arguments.scene)?.swap_remove(0);
     // Of several stages the first: the others depend on what it finds.
     let (_, problem) = super::volume::problems(&scene, steps)?.swap_remove(0);
     let problem = problem.in_reading_order();

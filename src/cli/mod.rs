@@ -87,6 +87,7 @@ fn run(command: &Command, manners: &Manners) -> Result<Done> {
     match command {
         Command::LightMap(arguments) => light_map::run(arguments, manners),
         Command::Volume(arguments) => volume::run(arguments, manners),
+        Command::Animate(arguments) => volume::animate(arguments, manners),
         Command::Render(arguments) => render::run(arguments, manners),
         Command::Plan(arguments) => plan::run(arguments, manners),
         Command::Check(arguments) => check::run(arguments, manners),

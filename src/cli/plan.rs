@@ -41,7 +41,7 @@ struct Plan {
 
 /// `unscatter plan`: what a solve would take.
 pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done> {
-    if io::scene_file::subject(&arguments.scene)? == Subject::Volume {
+    if io::scene_file::subject(&arguments.scene)? != Subject::LightMap {
         return super::volume::plan(arguments, manners);
     }
     let mut steps = Steps::new(manners.quiet);

@@ -29,6 +29,8 @@ pub(crate) struct Steps {
     timings: Vec<(String, f64)>,
     begun: Option<(String, Instant)>,
     clock: Instant,
+    /// What the steps belong to, where there are several of each.
+    within: String,
 }
 
 impl Steps {
@@ -36,7 +38,12 @@ impl Steps {
         let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let bar = ProgressBar::with_draw_target(None, target);
         bar.enable_steady_tick(Duration::from_millis(100));
-        Self { bar, timings: Vec::new(), begun: None, clock: Instant::now() }
+        Self { bar, timings: Vec::new(), begun: None, clock: Instant::now(), within: String::new() }
+    }
+
+    /// Says what the steps from now on belong to.
+    pub(crate) fn within(&mut self, what: String) {
+        self.within = what;
     }
 
     /// Ends the step before and begins one called `name`, of `length` parts where they can be counted.
@@ -55,7 +62,8 @@ impl Steps {
         }
         self.bar.set_prefix("");
         self.bar.reset_elapsed();
-        self.bar.set_message(name.to_owned());
+        let comma = if self.within.is_empty() { "" } else { ", " };
+        self.bar.set_message(format!("{}{comma}{name}", self.within));
         self.begun = Some((name.to_owned(), Instant::now()));
     }
 

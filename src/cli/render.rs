@@ -9,7 +9,7 @@ use crate::{Result, io};
 
 /// `unscatter render`: the views under the plain light, or under a light map from a file.
 pub(super) fn run(arguments: &RenderArguments, manners: &Manners) -> Result<Done> {
-    if io::scene_file::subject(&arguments.scene.scene)? == Subject::Volume {
+    if io::scene_file::subject(&arguments.scene.scene)? != Subject::LightMap {
         return super::volume::render(arguments, manners);
     }
     let mut steps = Steps::new(manners.quiet);

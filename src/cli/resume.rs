@@ -23,10 +23,10 @@ pub(super) struct Keeper {
 }
 
 impl Keeper {
-    /// Keeps the solve with this fingerprint.
-    pub(super) fn new(folder: &Folder, fingerprint: u64) -> Self {
-        let last = folder.file("checkpoint");
-        Self { path: folder.path().join("checkpoint"), last, fingerprint, kept: Cell::new(false) }
+    /// Keeps the solve with this fingerprint in a file called `name`.
+    pub(super) fn new(folder: &Folder, name: &str, fingerprint: u64) -> Self {
+        let last = folder.file(name);
+        Self { path: folder.path().join(name), last, fingerprint, kept: Cell::new(false) }
     }
 
     /// Writes the checkpoint where [`Keeper::read`] finds it; a failure is no reason to lose the solve.

@@ -2,6 +2,7 @@
 
 mod assess;
 mod constraints;
+mod diffusion;
 mod extents;
 mod fill;
 mod formulation;
@@ -20,6 +21,7 @@ mod volume;
 
 pub use assess::{Assessment, Assessor, Match};
 pub use constraints::{Constraint, constraints};
+pub use diffusion::{Diffused, Known, diffuse};
 pub use extents::{Maps, fit};
 pub use formulation::{Formulation, Lattice, Start, Steering};
 #[cfg(feature = "gpu")]
@@ -36,6 +38,6 @@ pub use surfaces::{Surfaces, Traced};
 pub use system::{System, Weights};
 pub use transport::{HostOperator, LightMapOperator, TransportOperator};
 pub use volume::{
-    AllVoxels, Desired, LeftOut, LightColumns, LitRows, Model, Optics, SeenLights, VolumeOperator,
-    VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,
+    AllVoxels, Desired, Determined, LeftOut, LightColumns, LitRows, Model, Occupied, Optics, SeenLights,
+    Spread, Spreading, VolumeOperator, VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,
 };

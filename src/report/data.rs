@@ -66,12 +66,46 @@ pub struct Report {
     /// What was looked for in turn, where that was more than one thing or a volume; the numbers above are of the last.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageRecord>,
+    /// The frames, where there are several; `stages` and `match` are then of all keys, and the other numbers of the last.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub animation: Option<AnimationRecord>,
+}
+
+/// Frames that were made of key frames.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct AnimationRecord {
+    /// How many frames there are.
+    pub frames: u64,
+    /// How many of them were drawn.
+    pub drawn: u64,
+    /// Where frames that are no keys have their extinction from: `blend`, `shapes` or `files`.
+    pub between: String,
+    /// The keys that were solved.
+    pub keys: Vec<KeyRecord>,
+}
+
+/// A key frame.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct KeyRecord {
+    /// Its number.
+    pub frame: u64,
+    /// How far its pictures were from what was wanted, and how far they are.
+    pub weighted_residual: Change,
+    /// Voxels that no wanted ray reaches and that diffusion has filled, of all properties together.
+    pub spread_voxels: u64,
+    /// Steps of conjugate gradients that it took.
+    pub spread_iterations: u64,
 }
 
 /// One property that was looked for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct StageRecord {
+    /// The key frame, where there are several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<u64>,
     /// `emission`, `albedo`, `joint`, `extinction` or `environment`.
     pub find: String,
     /// Counted from 1.
@@ -93,11 +127,17 @@ impl StageRecord {
     pub fn unknowns(&self) -> &'static str {
         if self.find == "environment" { "lights" } else { "voxels" }
     }
+
+    /// What is looked for, and at which frame.
+    pub fn label(&self) -> String {
+        self.frame.map_or(self.find.clone(), |frame| format!("frame {frame}, {}", self.find))
+    }
 }
 
 impl Default for StageRecord {
     fn default() -> Self {
         Self {
+            frame: None,
             find: String::new(),
             round: 1,
             is_taken: true,
@@ -273,7 +313,7 @@ pub struct Coverage {
 impl Report {
     /// Whether it is about a volume, not a light map.
     pub(super) fn is_of_volume(&self) -> bool {
-        self.command == "volume"
+        ["volume", "animate"].contains(&self.command.as_str())
     }
 
     /// The text of `report.json`: indented, its fields in the order in which they are declared.

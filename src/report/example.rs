@@ -9,6 +9,7 @@ use super::data::{
 pub fn example() -> Report {
     Report {
         stages: Vec::new(),
+        animation: None,
         version: env!("CARGO_PKG_VERSION").into(),
         command: "light-map".into(),
         scene: "chapel".into(),

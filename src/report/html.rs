@@ -3,7 +3,7 @@
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::data::{Change, Report, StageRecord, ViewMatch};
+use super::data::{AnimationRecord, Change, Report, StageRecord, ViewMatch};
 use super::page;
 use super::words::{Nouns, count, counted, degrees, escaped, percent};
 use crate::{Error, Result};
@@ -19,6 +19,8 @@ pub struct Pictures {
     pub coverage: Option<Vec<u8>>,
     /// What was found from all around, in place of a light map.
     pub turntable: Vec<Vec<u8>>,
+    /// Some frames of an animation, small: their numbers and pictures.
+    pub frames: Vec<(u64, Vec<u8>)>,
     /// The light around a volume as a latitude-longitude picture, where that was found.
     pub environment: Option<Vec<u8>>,
 }
@@ -90,6 +92,17 @@ fn volume(report: &Report, pictures: &Pictures) -> Result<String> {
             figure("turn", &angle, "", &format!("turntable[{index}]"), png)
         })
         .collect::<Result<_>>()?;
+    let strip: String = pictures
+        .frames
+        .iter()
+        .enumerate()
+        .map(|(index, (frame, png))| {
+            let is_key = |animation: &AnimationRecord| animation.keys.iter().any(|key| key.frame == *frame);
+            let note = if report.animation.as_ref().is_some_and(is_key) { "key" } else { "" };
+            figure("turn", &format!("Frame {frame}"), note, &format!("frames[{index}]"), png)
+        })
+        .collect::<Result<_>>()?;
+    let turns = turns + &strip;
     let has_rounds = report.stages.iter().any(|stage| stage.round > 1);
     let stages: String = report.stages.iter().map(|record| stage(record, has_rounds)).collect();
     let environment = match &pictures.environment {
@@ -107,11 +120,26 @@ fn volume(report: &Report, pictures: &Pictures) -> Result<String> {
     Ok(format!(
         "<section>\n<h2>Volume</h2>\n{turns}{environment}<table class=\"facts stages\">\n<thead><tr><th>looked for\
          </th><th>pixels</th><th>unknowns</th><th>iterations</th><th>before</th><th>after</th></tr></thead>\n<tbody>\n{stages}</tbody>\n\
-         </table>\n<p>{} that no wanted ray reaches keep their start value: {} of {}.</p>\n</section>\n",
-        if of_lights { "Lights" } else { "Voxels" },
+         </table>\n<p>{}</p>\n</section>\n",
+        unreached(report, if of_lights { "Lights" } else { "Voxels" }),
+    ))
+}
+
+/// What became of the unknowns that no wanted ray reaches.
+fn unreached(report: &Report, unknowns: &str) -> String {
+    if let Some(animation) = &report.animation {
+        let filled = animation.keys.iter().map(|key| key.spread_voxels).sum();
+        return format!(
+            "Voxels with extinction at some frame that no wanted ray reaches at a key were filled there by diffusion: {} at all \
+             keys together.",
+            count(filled)
+        );
+    }
+    format!(
+        "{unknowns} that no wanted ray reaches keep their start value: {} of {}.",
         count(report.coverage.unreached),
         count(report.coverage.total),
-    ))
+    )
 }
 
 /// One line of the table of what was looked for.
@@ -119,7 +147,7 @@ fn stage(stage: &StageRecord, has_rounds: bool) -> String {
     format!(
         "<tr><th>{}{}{}</th><td>{}</td><td>{} {}</td><td>{}, {}</td><td>{}</td><td>{}</td></tr>\n",
         if has_rounds { format!("{}. ", stage.round) } else { String::new() },
-        escaped(&stage.find),
+        escaped(&stage.label()),
         if stage.is_taken { "" } else { " (not taken)" },
         count(stage.problem.rows),
         count(stage.problem.active_unknowns),

@@ -9,8 +9,8 @@ mod ticks;
 mod words;
 
 pub use data::{
-    Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, StageRecord, Step,
-    StopRecord, ViewMatch, Work,
+    AnimationRecord, Certificate, Change, Coverage, KeyRecord, Problem, Regularization, Report, RowStrategy,
+    Share, StageRecord, Step, StopRecord, ViewMatch, Work,
 };
 pub use example::example;
 pub use html::{Pictures, ViewPictures, html};

@@ -29,9 +29,14 @@ fn summary(report: &Report) -> String {
     };
     let time = total(report).map(|s| format!(", in {}", seconds(s))).unwrap_or_default();
     let nouns = Nouns::of(report);
+    let frames = report.animation.as_ref().map(|animation| {
+        let keys = counted(animation.keys.len() as u64, "key");
+        format!("{} of {} drawn, from {keys}. ", count(animation.drawn), counted(animation.frames, "frame"))
+    });
     format!(
-        "{}, {}: they moved from {} to {} away from {}{hue}{time}. \
+        "{}{}, {}: they moved from {} to {} away from {}{hue}{time}. \
          It stopped {}, after {}.",
+        frames.unwrap_or_default(),
         counted(report.problem.views, "view"),
         counted(painted_pixels(report), nouns.pixel),
         percent(residual.before),

@@ -63,6 +63,17 @@ impl Environment {
         Self::of(Sky::Lights(basis, colors), 1)
     }
 
+    /// The light a `share` of the way to another, light by light; this one where either is no combination of lights.
+    ///
+    /// Errors: [`Error::Shape`] for another number of lights.
+    pub fn blended(&self, other: &Self, share: f64) -> Result<Self> {
+        let (Sky::Lights(basis, mine), Sky::Lights(_, theirs)) = (&self.sky, &other.sky) else {
+            return Ok(self.clone());
+        };
+        let lights = mine.iter().zip(theirs).map(|(mine, theirs)| super::mixed(mine, theirs, share));
+        Self::lights(basis.clone(), lights.collect())
+    }
+
     fn of(sky: Sky, directions: usize) -> Result<Self> {
         if directions == 0 || directions > Self::MAX_DIRECTIONS {
             return Err(Error::value("directions", directions, "from 1 to 16384"));

@@ -3,6 +3,7 @@
 //! World space is right-handed, in metres; cameras look along −Z with +Y up (glTF). Radiance is
 //! linear Rec. 709. Pixel (0, 0) is the top left one and its centre is at (0.5, 0.5).
 
+mod animation;
 mod camera;
 mod environment;
 mod geometry;
@@ -22,6 +23,7 @@ mod volume;
 mod volume_scene;
 mod voxel_set;
 
+pub use animation::{Animation, Between, KeyFrame};
 pub use camera::{Camera, FovAxis, Ray, look_at};
 pub use environment::Environment;
 pub use geometry::{Geometry, Hit};
@@ -46,6 +48,11 @@ pub use voxel_set::{BRICK, VoxelSet};
 
 /// One colour or one value a channel: linear Rec. 709.
 pub type Rgb = [f32; 3];
+
+/// A colour a `share` of the way from one to another.
+pub(crate) fn mixed(from: &Rgb, to: &Rgb, share: f64) -> Rgb {
+    std::array::from_fn(|c| ((1.0 - share) * f64::from(from[c]) + share * f64::from(to[c])) as f32)
+}
 
 /// Everything that a light-map solve starts from.
 #[derive(Debug)]

@@ -6,7 +6,7 @@ use super::{
 };
 
 /// Everything that a volume solve starts from.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct VolumeScene {
     /// What the scene is called in titles and reports.
     pub name: String,
@@ -23,7 +23,7 @@ pub struct VolumeScene {
     /// What is seen where a ray leaves the volume and meets no surface; none: the environment.
     pub background: Option<Rgb>,
     /// Surfaces in front of the volume, inside it and behind.
-    pub geometry: Geometry,
+    pub geometry: Arc<Geometry>,
     /// Cameras, and what their pictures should show.
     pub views: Vec<VolumeView>,
     /// What a painted colour means.
@@ -76,6 +76,13 @@ pub struct VolumeView {
     pub mask: Option<Vec<bool>>,
     /// What is seen behind the volume, instead of the scene's background.
     pub background: Option<Image>,
+}
+
+impl VolumeView {
+    /// Whether it says what its picture should show.
+    pub fn is_wanted(&self) -> bool {
+        self.picture.is_some() || !self.view.strokes.is_empty() || !self.view.layers.is_empty()
+    }
 }
 
 /// What is looked for.

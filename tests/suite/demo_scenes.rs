@@ -17,7 +17,7 @@ fn document(name: &str) -> (VolumeDocument, String) {
 
 #[test]
 fn documents_of_volumes_are_written_as_they_were_read() {
-    for name in ["hand", "glass", "cloud"] {
+    for name in ["hand", "glass", "cloud", "smoke"] {
         let (mut document, text) = document(name);
         assert!(scene_file::write_volume(&document).unwrap() == text, "{name}");
         document.exposure += 1.0;
@@ -27,7 +27,7 @@ fn documents_of_volumes_are_written_as_they_were_read() {
 
 #[test]
 fn demo_scenes_of_volumes_want_something_of_every_view() {
-    for (name, views) in [("hand", 2), ("glass", 4), ("cloud", 10)] {
+    for (name, views) in [("hand", 2), ("glass", 4), ("cloud", 10), ("smoke", 2)] {
         let scene = scene_file::load_volume(&file(name), &[]).unwrap();
         assert_eq!(scene.views.len(), views, "{name}");
         for view in &scene.views {
@@ -42,7 +42,7 @@ fn demo_scenes_of_volumes_are_small() {
     for entry in fs::read_dir(file("hand").parent().unwrap()).unwrap() {
         let entry = entry.unwrap();
         let name = entry.file_name().into_string().unwrap();
-        let is_of_volume = ["hand", "glass", "cloud"].iter().any(|start| name.starts_with(start));
+        let is_of_volume = ["hand", "glass", "cloud", "smoke"].iter().any(|start| name.starts_with(start));
         let bytes = entry.metadata().unwrap().len();
         assert!(!is_of_volume || bytes < 60_000, "{name}: {bytes} bytes");
     }

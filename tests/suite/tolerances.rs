@@ -43,6 +43,9 @@ pub const VOLUME_PICTURES: f64 = 1e-3;
 /// the normal residual, and the directions that pictures hardly tell come last.
 pub const VOLUME_FOUND: f64 = 2e-2;
 
+/// Diffused values of about 1: rounded to f32 after a solve in f64, and a Laplacian adds up seven of them.
+pub const DIFFUSED: f64 = 1e-6;
+
 /// Our own error in pictures of single scattering, as a part of each pixel: 64 directions for a sky, light that is trilinear
 /// between the centres of 48³ voxels. It is added to the standard error of the reference.
 pub const MITSUBA_BIAS: f64 = 1e-3;

@@ -5,7 +5,7 @@ use super::super::machine;
 use super::stage::Stage;
 use super::staging::{Distance, Outcome};
 use crate::march::Refraction;
-use crate::problem::VolumeProblem;
+use crate::problem::{Desired, VolumeProblem};
 use crate::report::{
     Certificate, Change, Coverage, Problem, Regularization, Report, Share, StageRecord, StopRecord, ViewMatch,
 };
@@ -53,13 +53,14 @@ impl Findings<'_> {
                 iteration: outcome.stop.iteration as u64,
             },
             weighted_residual: Change { before: before.all, after: after.all },
-            matched: self.matched([before, after]),
+            matched: matched(self.scene, &self.outcome.desired, [before, after]),
             timings: timings.into_iter().collect(),
             memory: self.memory(last),
             skipped: self.skipped(last),
             adjoint_error: last.trial.adjoint_error,
             coverage: covered(last),
             stages: self.outcome.records.clone(),
+            animation: None,
         }
     }
 
@@ -96,19 +97,6 @@ impl Findings<'_> {
             settings.push(("pull", format!("emission {emission}, albedo {albedo}")));
         }
         settings.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
-    }
-
-    fn matched(&self, [before, after]: [&Distance; 2]) -> Vec<ViewMatch> {
-        let views = self.scene.views.iter().zip(&self.outcome.desired).enumerate();
-        views
-            .filter(|(_, (_, desired))| desired.is_wanted())
-            .map(|(index, (view, desired))| ViewMatch {
-                view: view.view.name.clone(),
-                painted_pixels: desired.pixels.iter().filter(|pixel| pixel[3] > 0.0).count() as u64,
-                weighted_residual: Change { before: before.views[index], after: after.views[index] },
-                ..ViewMatch::default()
-            })
-            .collect()
     }
 
     fn memory(&self, stage: &Stage) -> BTreeMap<String, u64> {
@@ -150,10 +138,29 @@ impl Findings<'_> {
     }
 }
 
+/// How near each view of which something is wanted has come.
+pub(super) fn matched(
+    scene: &VolumeScene,
+    desired: &[Desired],
+    [before, after]: [&Distance; 2],
+) -> Vec<ViewMatch> {
+    let views = scene.views.iter().zip(desired).enumerate();
+    views
+        .filter(|(_, (_, desired))| desired.is_wanted())
+        .map(|(index, (view, desired))| ViewMatch {
+            view: view.view.name.clone(),
+            painted_pixels: desired.pixels.iter().filter(|pixel| pixel[3] > 0.0).count() as u64,
+            weighted_residual: Change { before: before.views[index], after: after.views[index] },
+            ..ViewMatch::default()
+        })
+        .collect()
+}
+
 /// A stage in a few numbers.
 pub(super) fn record(stage: &Stage, round: usize, is_taken: bool, [before, after]: [f64; 2]) -> StageRecord {
     let stop = stage.trial.solved.outcome.stop;
     StageRecord {
+        frame: None,
         find: stage.find.name().to_owned(),
         round: round as u64 + 1,
         is_taken,

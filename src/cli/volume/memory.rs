@@ -4,7 +4,7 @@ use super::super::job::{allowed, check_memory, mebibytes};
 use crate::Result;
 use crate::cpu::Tiling;
 use crate::problem::{Optics, VolumeProblem, light_bytes};
-use crate::scene::{Find, MetricName, SolveSettings, VolumeScene, Weight};
+use crate::scene::{Find, KeyFrame, MetricName, SolveSettings, VolumeScene, Weight};
 
 const COLOR: usize = size_of::<[f32; 3]>();
 
@@ -22,6 +22,24 @@ fn scene_bytes(scene: &VolumeScene) -> u64 {
 /// Errors: [`crate::Error::TooLarge`] when the scene alone exceeds what may be used.
 pub(in crate::cli) fn check_scene(scene: &VolumeScene) -> Result<()> {
     check_memory("the scene's volumes and pictures", scene_bytes(scene), allowed(&scene.solve), REMEDY)
+}
+
+/// Errors: as [`check_scene`], of all key frames together.
+pub(in crate::cli) fn check_keys(keys: &[KeyFrame]) -> Result<()> {
+    let Some(first) = keys.first() else { return Ok(()) };
+    let needed = keys.iter().map(|key| scene_bytes(&key.scene)).sum();
+    check_memory("the volumes and pictures of all key frames", needed, allowed(&first.scene.solve), REMEDY)
+}
+
+/// Bytes that diffusion takes a voxel: vectors in f64 over voxels and three edges each, and who lies beside whom.
+const SPREAD: usize = 640;
+
+/// Errors: [`crate::Error::TooLarge`] when diffusion into so many voxels of the extinction would exceed what may be used.
+pub(in crate::cli) fn check_spread(scene: &VolumeScene, voxels: usize) -> Result<()> {
+    let [extinction, albedo, emission] =
+        [&scene.medium.extinction, &scene.medium.albedo, &scene.medium.emission].map(|of| of.grid().len());
+    let needed = SPREAD * voxels * albedo.max(emission).div_ceil(extinction);
+    check_memory("diffusion between the keys", needed as u64, allowed(&scene.solve), REMEDY)
 }
 
 /// Bytes that the kept rows of a stage may take.

@@ -1,5 +1,6 @@
 //! `unscatter volume`: from pictures to a volume.
 
+mod animate;
 mod findings;
 mod memory;
 mod plan;
@@ -19,9 +20,11 @@ use crate::report::{self, Report};
 use crate::scene::{Find, Image, VolumeMedium, VolumeScene};
 use crate::{Error, Result};
 use findings::Findings;
+use stage::Place;
 use staging::Outcome;
 
-pub(super) use memory::{budget, check_scene};
+pub(super) use animate::{animate, of_frame};
+pub(super) use memory::{budget, check_keys, check_scene};
 pub(super) use plan::plan;
 pub(super) use render::render;
 
@@ -35,21 +38,22 @@ pub(super) fn run(arguments: &VolumeArguments, manners: &Manners) -> Result<Done
     let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
     watch_interrupt()?;
 
-    let outcome = staging::run(&scene, &mut engine, arguments, &folder, &mut steps)?;
+    let place = Place { solve: &arguments.solve, folder: &folder, prefix: "", is_later: false };
+    let outcome = staging::run(&scene, &mut engine, place, &mut steps)?;
     let Outcome { state, optics, desired, last, .. } = &outcome;
     steps.begin("turning", None);
     let model = VolumeProblem::model(&scene, last.find);
     let renderer = VolumeRenderer::new(&scene, &state.medium, optics, model);
     let turns = turntable::pictures(&renderer, &scene, arguments.turntable as usize)?;
     steps.begin("writing", None);
-    results::write_volumes(&folder, &scene.stages, &state.medium, &formats)?;
+    results::write_volumes(&folder, "", &scene.stages, &state.medium, &formats)?;
     let environment = match scene.stages.contains(&Find::Environment) {
-        true => Some(results::write_environment(&folder, &scene, &state.environment)?),
+        true => Some(results::write_environment(&folder, "", &scene, &state.environment)?),
         false => None,
     };
     let in_page = report::Pictures {
-        views: results::write_views(&folder, &scene, desired, &outcome.before, &outcome.after)?,
-        turntable: results::write_turntable(&folder, &turns, scene.exposure)?,
+        views: results::write_views(&folder, "", &scene, desired, &outcome.before, &outcome.after)?,
+        turntable: results::write_turntable(&folder, "", &turns, scene.exposure)?,
         environment,
         ..report::Pictures::default()
     };
@@ -103,7 +107,7 @@ fn summary(report: &Report, folder: &Folder) -> String {
     for stage in &report.stages {
         lines.push(format!(
             "{}: {} pixels, {} of {} {}, {} non-zeros; residual {:.4} → {:.4} after {} iterations ({}){}",
-            stage.find,
+            stage.label(),
             stage.problem.rows,
             stage.problem.active_unknowns,
             stage.problem.unknowns,
@@ -126,6 +130,15 @@ fn summary(report: &Report, folder: &Folder) -> String {
         report.weighted_residual.after,
         report.timings.get("total").copied().unwrap_or_default()
     ));
+    if let Some(animation) = &report.animation {
+        let spread: u64 = animation.keys.iter().map(|key| key.spread_voxels).sum();
+        lines.push(format!(
+            "{} of {} frames from {} keys, in which diffusion filled {spread} voxels",
+            animation.drawn,
+            animation.frames,
+            animation.keys.len(),
+        ));
+    }
     lines.push(format!("results in {}", folder.path().join("report.html").display()));
     lines.join("\n")
 }

@@ -9,7 +9,7 @@ use super::super::progress::Steps;
 use super::super::{Done, Manners, job, machine, to_json};
 use super::memory;
 use crate::problem::VolumeProblem;
-use crate::scene::{Find, Strategy};
+use crate::scene::{Find, Strategy, VolumeScene};
 use crate::{Error, Result};
 
 /// Rows that are timed.
@@ -49,15 +49,26 @@ struct Plan {
 pub(in crate::cli) fn plan(arguments: &SceneArguments, manners: &Manners) -> Result<Done> {
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
-    let scene = job::load_volume(arguments, &[])?;
+    let mut plans = Vec::new();
+    for (_, scene) in job::load_volumes(arguments)? {
+        plans.extend(plans_of(&scene, &mut steps)?);
+    }
+    steps.finish();
+    let words: Vec<String> = plans.iter().map(words).collect();
+    manners.print(&to_json(&plans)?, &words.join("\n"));
+    Ok(Done::Completely)
+}
+
+/// What each stage of a scene would take.
+fn plans_of(scene: &VolumeScene, steps: &mut Steps) -> Result<Vec<Plan>> {
     let clock = Instant::now();
-    let problems = super::problems(&scene, &mut steps)?;
+    let problems = super::problems(scene, steps)?;
     let set_up_seconds = clock.elapsed().as_secs_f64();
     let mut plans = Vec::with_capacity(problems.len());
     for (find, problem) in problems {
-        let mut settings = VolumeProblem::settings(&scene, find);
-        memory::settle_metric(&scene, &mut settings, &problem);
-        let budget = memory::budget(&scene, &settings, &problem)?;
+        let mut settings = VolumeProblem::settings(scene, find);
+        memory::settle_metric(scene, &mut settings, &problem);
+        let budget = memory::budget(scene, &settings, &problem)?;
         let is_of_lights = find == Find::Environment;
         let kept = match settings.strategy {
             Strategy::MatrixFree => 0.0,
@@ -82,7 +93,7 @@ pub(in crate::cli) fn plan(arguments: &SceneArguments, manners: &Manners) -> Res
             bricks,
             nonzeros: problem.plan.nonzeros,
             matrix_bytes: problem.plan.bytes,
-            other_bytes: memory::stage_bytes(&scene, &settings, &problem),
+            other_bytes: memory::stage_bytes(scene, &settings, &problem),
             budget_bytes: settings.memory.unwrap_or_else(machine::default_budget),
             strategy: if is_of_lights && kept == 0.0 { "light volumes" } else { strategy(kept) },
             kept,
@@ -91,10 +102,7 @@ pub(in crate::cli) fn plan(arguments: &SceneArguments, manners: &Manners) -> Res
             iterations: settings.iterations,
         });
     }
-    steps.finish();
-    let words: Vec<String> = plans.iter().map(words).collect();
-    manners.print(&to_json(&plans)?, &words.join("\n"));
-    Ok(Done::Completely)
+    Ok(plans)
 }
 
 /// Times both products on a sample of the rows, and scales to all of them.

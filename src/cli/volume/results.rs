@@ -14,6 +14,7 @@ use crate::scene::{Environment, Find, Image, Rgb, Volume, VolumeMedium, VolumeSc
 /// Writes the volumes that were looked for, in every format that is asked for.
 pub(super) fn write_volumes(
     folder: &Folder,
+    prefix: &str,
     finds: &[Find],
     medium: &VolumeMedium,
     formats: &[Format],
@@ -26,12 +27,15 @@ pub(super) fn write_volumes(
     ];
     for (_, name, found) in found.iter().filter(|(is_found, ..)| *is_found) {
         for &format in formats {
-            let path = folder.file(&format!("{name}.{}", format.extension()));
+            let path = folder.file(&format!("{prefix}{name}.{}", format.extension()));
             volume::write(&path, name, found, format)?;
         }
     }
     Ok(())
 }
+
+/// The longer side of a small picture at most.
+const LONGEST: usize = 320;
 
 /// Columns and rows of the picture of an environment.
 const SKY_SIZE: [usize; 2] = [512, 256];
@@ -59,6 +63,7 @@ struct Light {
 /// Writes the light around a volume as pictures (EXR, HDR, PNG) and as a list of lights; gives back the PNG file.
 pub(super) fn write_environment(
     folder: &Folder,
+    prefix: &str,
     scene: &VolumeScene,
     environment: &Environment,
 ) -> Result<Vec<u8>> {
@@ -75,20 +80,22 @@ pub(super) fn write_environment(
             })
             .collect(),
     };
-    folder.write_bytes("environment.json", to_json(&list)?.as_bytes())?;
+    let name = format!("{prefix}environment");
+    folder.write_bytes(&format!("{name}.json"), to_json(&list)?.as_bytes())?;
     // A map as it is, so that it can be the start of another solve without a loss.
     let picture = environment.picture(if basis.is_map() { basis.lattice() } else { SKY_SIZE })?;
-    io::image::write_hdr(&folder.file("environment.hdr"), &picture)?;
-    io::image::write_exr(&folder.file("environment.exr"), &picture)?;
+    io::image::write_hdr(&folder.file(&format!("{name}.hdr")), &picture)?;
+    io::image::write_exr(&folder.file(&format!("{name}.exr")), &picture)?;
     // The brightest light is white, unless the scene's pictures are darker than that.
     let white = f64::from(environment.brightest());
     let exposure = if white > 0.0 { scene.exposure.min(-white.log2()) } else { 0.0 };
-    folder.write_png("environment", &environment.picture(SKY_SIZE)?, exposure)
+    folder.write_png(&name, &environment.picture(SKY_SIZE)?, exposure)
 }
 
 /// Writes the pictures of all views; gives back their PNG files.
 pub(super) fn write_views(
     folder: &Folder,
+    prefix: &str,
     scene: &VolumeScene,
     desired: &[Desired],
     before: &[Image],
@@ -109,7 +116,7 @@ pub(super) fn write_views(
         }
         let name = &view.view.name;
         let write = |kind: &str, picture: &Image| {
-            folder.write_picture(&format!("{name}_{kind}"), picture, scene.exposure)
+            folder.write_picture(&format!("{prefix}{name}_{kind}"), picture, scene.exposure)
         };
         let ((target, before), (after, difference)) = rayon::join(
             || rayon::join(|| write("target", &target), || write("before", before)),
@@ -127,10 +134,36 @@ pub(super) fn write_views(
 }
 
 /// Writes the pictures of a turntable; gives back the files.
-pub(super) fn write_turntable(folder: &Folder, turns: &[Image], exposure: f64) -> Result<Vec<Vec<u8>>> {
+pub(super) fn write_turntable(
+    folder: &Folder,
+    prefix: &str,
+    turns: &[Image],
+    exposure: f64,
+) -> Result<Vec<Vec<u8>>> {
     turns
         .iter()
         .enumerate()
-        .map(|(index, picture)| folder.write_png(&format!("turntable_{index:03}"), picture, exposure))
+        .map(|(index, picture)| folder.write_png(&format!("{prefix}turntable_{index:03}"), picture, exposure))
         .collect()
+}
+
+/// A picture as PNG, with the means of blocks of pixels for pixels where it is large.
+pub(super) fn small_png(picture: &Image, exposure: f64) -> Result<Vec<u8>> {
+    let [width, height] = picture.size();
+    let side = width.max(height).div_ceil(LONGEST).max(1);
+    let size = [width.div_ceil(side), height.div_ceil(side)];
+    let mean = |index: usize| {
+        let (left, top) = (index % size[0] * side, index / size[0] * side);
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        for y in top..(top + side).min(height) {
+            for x in left..(left + side).min(width) {
+                let pixel = picture.at(x, y);
+                (0..3).for_each(|c| sum[c] += pixel[c]);
+                count += 1.0;
+            }
+        }
+        sum.map(|value: f32| value / count)
+    };
+    let small = Image::new(size, (0..size[0] * size[1]).map(mean).collect())?;
+    io::image::png_bytes(&small, exposure)
 }

@@ -1,4 +1,4 @@
-use super::super::args::VolumeArguments;
+use super::super::args::SolveArguments;
 use super::super::compute::{Trial, Watch, processor};
 #[cfg(feature = "gpu")]
 use super::super::compute::{device, work};
@@ -14,6 +14,17 @@ use crate::problem::{
 use crate::report::Work;
 use crate::scene::{Find, Rgb, SolveSettings, VolumeScene};
 use crate::{Error, Result};
+
+/// How solves are run, and where their files go.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a> {
+    pub(super) solve: &'a SolveArguments,
+    pub(super) folder: &'a Folder,
+    /// What the names of their files begin with.
+    pub(super) prefix: &'a str,
+    /// Whether others were solved before, so that there need not be a checkpoint to resume from.
+    pub(super) is_later: bool,
+}
 
 /// One property to be found.
 #[derive(Clone, Copy)]
@@ -43,13 +54,7 @@ pub(super) struct Stage {
 }
 
 impl Task<'_> {
-    pub(super) fn solve(
-        &self,
-        engine: &mut Engine,
-        arguments: &VolumeArguments,
-        folder: &Folder,
-        steps: &mut Steps,
-    ) -> Result<Stage> {
+    pub(super) fn solve(&self, engine: &mut Engine, place: Place, steps: &mut Steps) -> Result<Stage> {
         steps.begin("tracing", None);
         let mut settings = VolumeProblem::settings(self.scene, self.find);
         memory::check_light(self.scene, self.optics, self.find)?;
@@ -57,27 +62,33 @@ impl Task<'_> {
             VolumeProblem::new(self.scene, &self.state.medium, self.optics, self.desired, self.find)?;
         memory::settle_metric(self.scene, &mut settings, &problem);
         let budget = memory::budget(self.scene, &settings, &problem)?;
-        let checkpoint = resume::Keeper::new(folder, resume::of_volume(&settings, &problem));
-        let resumed = match arguments.solve.resume {
+        let name = format!("{}checkpoint", place.prefix);
+        let checkpoint = resume::Keeper::new(place.folder, &name, resume::of_volume(&settings, &problem));
+        let resumed = match place.solve.resume {
             true => match checkpoint.read() {
                 Ok(paused) => Some(paused),
                 // The checkpoint of a later stage; this one is quickly done again.
                 Err(Error::Checkpoint { .. }) if self.scene.stages.len() > 1 => None,
+                Err(Error::File { source, .. })
+                    if place.is_later && source.kind() == std::io::ErrorKind::NotFound =>
+                {
+                    None
+                }
                 Err(error) => return Err(error),
             },
             false => None,
         };
         let watch = Watch {
             checkpoint: &checkpoint,
-            preview_every: arguments.solve.preview_every.map(|every| every as usize),
+            preview_every: place.solve.preview_every.map(|every| every as usize),
             iterations: settings.iterations,
             adapter: None,
         };
-        let preview = |x: &[Rgb]| self.preview(&problem, folder, x);
+        let preview = |x: &[Rgb]| self.preview(&problem, place, x);
         let other_bytes = memory::stage_bytes(self.scene, &settings, &problem);
         let run = Run { problem: &problem, settings: &settings };
         let (trial, backend, device, work) =
-            engine.run(&checkpoint, arguments.solve.resume, resumed, |on, resumed| match on {
+            engine.run(&checkpoint, place.solve.resume, resumed, |on, resumed| match on {
                 On::Cpu => {
                     steps.begin("walking", None);
                     let operator = problem.operator(settings.strategy, budget)?;
@@ -92,7 +103,7 @@ impl Task<'_> {
                         &problem,
                         settings.strategy,
                         budget,
-                        arguments.solve.deterministic,
+                        place.solve.deterministic,
                     )?;
                     let mut trips = Vec::new();
                     let record = gpu.record();
@@ -107,16 +118,16 @@ impl Task<'_> {
         Ok(Stage { find: self.find, problem, settings, trial, state, backend, device, work, other_bytes })
     }
 
-    fn preview(&self, problem: &VolumeProblem, folder: &Folder, x: &[Rgb]) -> Result<()> {
+    fn preview(&self, problem: &VolumeProblem, place: Place, x: &[Rgb]) -> Result<()> {
         let state = problem.apply(self.state, x)?;
         let optics = Optics::new(self.scene, &state)?;
         let model = VolumeProblem::model(self.scene, self.find);
         let renderer = VolumeRenderer::new(self.scene, &state.medium, &optics, model);
         for (view, seen) in self.scene.views.iter().enumerate() {
-            let name = format!("{}_after", seen.view.name);
-            folder.write_picture(&name, &renderer.picture(view)?, self.scene.exposure)?;
+            let name = format!("{}{}_after", place.prefix, seen.view.name);
+            place.folder.write_picture(&name, &renderer.picture(view)?, self.scene.exposure)?;
         }
-        folder.publish()
+        place.folder.publish()
     }
 }
 

@@ -1,14 +1,12 @@
 //! One stage after the other, each with what was found before.
 
-use super::super::args::VolumeArguments;
 use super::super::engine::Engine;
 use super::super::progress::Steps;
-use super::super::results::Folder;
 use super::findings::record;
-use super::stage::{Stage, Task};
+use super::stage::{Place, Stage, Task};
 use super::{nothing_asked, pictures};
 use crate::Result;
-use crate::problem::{Desired, Model, Optics, VolumeProblem, VolumeState};
+use crate::problem::{Desired, Determined, Model, Optics, VolumeProblem, VolumeState};
 use crate::report::StageRecord;
 use crate::scene::{Find, Image, Rgb, VolumeScene};
 use crate::solve::StopReason;
@@ -23,6 +21,8 @@ const MOST_HALVINGS: i32 = 7;
 pub(super) struct Distance {
     pub(super) views: Vec<f64>,
     pub(super) all: f64,
+    /// Σ w ‖L − L*‖² and Σ w ‖L*‖², of all views.
+    pub(super) sums: [f64; 2],
 }
 
 /// What the stages of a scene have come to.
@@ -34,6 +34,8 @@ pub(super) struct Outcome {
     pub(super) before: Vec<Image>,
     pub(super) after: Vec<Image>,
     pub(super) distances: [Distance; 2],
+    /// The voxels that were found.
+    pub(super) determined: Vec<Determined>,
     /// Each stage in a few numbers, and the last one whole.
     pub(super) records: Vec<StageRecord>,
     pub(super) last: Stage,
@@ -52,11 +54,10 @@ impl Outcome {
 pub(super) fn run(
     scene: &VolumeScene,
     engine: &mut Engine,
-    arguments: &VolumeArguments,
-    folder: &Folder,
+    place: Place,
     steps: &mut Steps,
 ) -> Result<Outcome> {
-    let mut course = Course::begin(scene, engine, arguments, folder, steps)?;
+    let mut course = Course::begin(scene, engine, place, steps)?;
     'rounds: for round in 0..scene.rounds {
         let at_start = course.now.all;
         for &find in &scene.stages {
@@ -80,8 +81,7 @@ pub(super) fn run(
 struct Course<'a> {
     scene: &'a VolumeScene,
     engine: &'a mut Engine,
-    arguments: &'a VolumeArguments,
-    folder: &'a Folder,
+    place: Place<'a>,
     steps: &'a mut Steps,
     desired: Vec<Desired>,
     state: VolumeState,
@@ -93,6 +93,7 @@ struct Course<'a> {
     /// How far they are from what is wanted.
     first: Distance,
     now: Distance,
+    determined: Vec<Determined>,
     records: Vec<StageRecord>,
     last: Option<Stage>,
 }
@@ -101,8 +102,7 @@ impl<'a> Course<'a> {
     fn begin(
         scene: &'a VolumeScene,
         engine: &'a mut Engine,
-        arguments: &'a VolumeArguments,
-        folder: &'a Folder,
+        place: Place<'a>,
         steps: &'a mut Steps,
     ) -> Result<Self> {
         steps.begin("lighting", None);
@@ -115,8 +115,7 @@ impl<'a> Course<'a> {
         Ok(Self {
             scene,
             engine,
-            arguments,
-            folder,
+            place,
             steps,
             desired,
             state,
@@ -126,16 +125,17 @@ impl<'a> Course<'a> {
             drawn,
             now: first.clone(),
             first,
+            determined: Vec::new(),
             records: Vec::new(),
             last: None,
         })
     }
 
     fn end(self) -> Result<Outcome> {
-        let Self { state, optics, desired, before, after, records, .. } = self;
+        let Self { state, optics, desired, before, after, determined, records, .. } = self;
         let last = self.last.ok_or_else(nothing_asked)?;
         let distances = [self.first, self.now];
-        Ok(Outcome { state, optics, desired, before, after, distances, records, last })
+        Ok(Outcome { state, optics, desired, before, after, distances, determined, records, last })
     }
 
     /// Draws the pictures under another model of light.
@@ -156,7 +156,7 @@ impl<'a> Course<'a> {
         let reached = if is_taken { view.distance.all } else { self.now.all };
         self.records.push(record(&stage, round, is_taken, [self.now.all, reached]));
         if is_taken {
-            self.put(stage.state.clone(), view);
+            self.put(&stage, stage.state.clone(), view);
         }
         self.last = Some(stage);
         Ok(())
@@ -189,7 +189,7 @@ impl<'a> Course<'a> {
             let state = stage.problem.apply(&self.state, &x)?;
             let view = self.view(stage.find, &state)?;
             if view.distance.all < self.now.all {
-                self.put(state, view);
+                self.put(stage, state, view);
                 return Ok(true);
             }
         }
@@ -197,8 +197,8 @@ impl<'a> Course<'a> {
     }
 
     fn solve(&mut self, find: Find) -> Result<Stage> {
-        let Self { scene, engine, arguments, folder, steps, desired, state, optics, .. } = self;
-        Task { scene, state, optics, desired, find }.solve(engine, arguments, folder, steps)
+        let Self { scene, engine, place, steps, desired, state, optics, .. } = self;
+        Task { scene, state, optics, desired, find }.solve(engine, *place, steps)
     }
 
     /// What a state shows that differs from the one there is by what was looked for.
@@ -215,7 +215,11 @@ impl<'a> Course<'a> {
         Ok(View { distance: distance(&self.desired, &pictures), optics, pictures })
     }
 
-    fn put(&mut self, state: VolumeState, view: View) {
+    /// Takes a state that a stage has found.
+    fn put(&mut self, stage: &Stage, state: VolumeState, view: View) {
+        let found = Determined::by(&stage.problem, &stage.trial.solved.columns);
+        self.determined.retain(|old| found.iter().all(|new| new.property != old.property));
+        self.determined.extend(found);
         (self.state, self.optics, self.after, self.now) = (state, view.optics, view.pictures, view.distance);
     }
 }
@@ -227,11 +231,16 @@ struct View {
     distance: Distance,
 }
 
-fn distance(desired: &[Desired], pictures: &[Image]) -> Distance {
+pub(super) fn distance(desired: &[Desired], pictures: &[Image]) -> Distance {
     let (views, sums): (Vec<f64>, Vec<[f64; 2]>) =
         desired.iter().zip(pictures).map(|(desired, picture)| desired.residual(picture)).unzip();
-    let [miss, all] = sums.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
-    Distance { views, all: if all > 0.0 { (miss / all).sqrt() } else { 0.0 } }
+    let sums = sums.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+    Distance { views, all: relative(sums), sums }
+}
+
+/// √(Σ w ‖L − L*‖² / Σ w ‖L*‖²).
+pub(super) fn relative([miss, all]: [f64; 2]) -> f64 {
+    if all > 0.0 { (miss / all).sqrt() } else { 0.0 }
 }
 
 impl Stage {

@@ -15,6 +15,7 @@ use crate::{Error, Result};
 use super::light::GltfNode;
 
 /// Reads files relative to a scene file.
+#[derive(Debug)]
 pub(super) struct Assets {
     folder: PathBuf,
     /// Each glTF file is read once: light, cameras and occluders often share one.

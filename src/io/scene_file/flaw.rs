@@ -34,7 +34,13 @@ impl Flaw {
         Self::new(path, format!("{value} is not allowed; it must be {expected}"))
     }
 
-    fn inside(self, prefix: &str) -> Self {
+    /// Whether it is in the field `name` of the part that is being looked at.
+    pub(super) fn is_at(&self, name: &str) -> bool {
+        matches!(self, Self::Document { path, .. } if path.split(['.', '[']).next() == Some(name))
+    }
+
+    /// The same with `prefix` put before its path.
+    pub(super) fn inside(self, prefix: &str) -> Self {
         match self {
             Self::Document { path, problem } => {
                 let dot = if path.is_empty() || path.starts_with('[') { "" } else { "." };

@@ -46,9 +46,9 @@ pub use solve::{MetricName, Quadrature, Solve, Solver, Strategy};
 pub use transform::{LookAt, Rotate, Transform};
 pub use view::{Camera, FovAxis, GltfCameraNode, Stroke, View};
 pub use volume::{
-    Capsule, Environment, Extinction, Field, FieldSource, Find, GridSize, Interpolation, Lights, Noise, Over,
-    PropertyBounds, Pull, Range, Refraction, Shape, Shapes, Sphere, TransformsFile, Volume, VolumeDocument,
-    VolumeView,
+    AnimatedVolume, Animation, Between, Capsule, Environment, Extinction, Field, FieldSource, Find, GridSize,
+    Interpolation, Key, KeyView, Lights, Noise, Over, PropertyBounds, Pull, Range, Refraction, Shape, Shapes,
+    Sphere, TransformsFile, Volume, VolumeDocument, VolumeView,
 };
 pub use weight::Weight;
 pub use write::{write, write_volume};
@@ -73,12 +73,19 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Scene> {
     scene_from_bytes(&read::bytes(path)?, path, overrides)
 }
 
-/// Reads a scene file that describes a volume, and everything that it names.
+/// Reads a scene file that describes a volume, and everything that it names; of an animation the first key frame.
 ///
 /// Errors: as [`load`].
 pub fn load_volume(path: &Path, overrides: &[String]) -> Result<VolumeScene> {
     let bytes = read::bytes(path)?;
     scene_of::<VolumeDocument>(&bytes, path, overrides)
+}
+
+/// Reads a scene file that describes a volume with an animation, and everything that it names.
+///
+/// Errors: as [`load`].
+pub fn load_animation(path: &Path, overrides: &[String]) -> Result<AnimatedVolume> {
+    scene_of::<Animated>(&read::bytes(path)?, path, overrides)
 }
 
 /// What a scene file is about, as far as can be told from its outermost fields.
@@ -88,14 +95,20 @@ pub enum Subject {
     LightMap,
     /// A volume: [`VolumeDocument`].
     Volume,
+    /// A volume that changes from frame to frame: a [`VolumeDocument`] with an [`Animation`].
+    Animation,
 }
 
 /// Whether a scene file describes a volume; one that cannot be read is left to [`load`] to complain about.
 pub fn subject(path: &Path) -> Result<Subject> {
     let bytes = read::bytes(path)?;
     let value = std::str::from_utf8(&bytes).ok().and_then(|text| read::value(text).ok());
-    let is_volume = value.is_some_and(|value| value.get("volume").is_some());
-    Ok(if is_volume { Subject::Volume } else { Subject::LightMap })
+    let has = |name: &str| value.as_ref().is_some_and(|value| value.get(name).is_some());
+    Ok(match (has("volume"), has("animation")) {
+        (true, true) => Subject::Animation,
+        (true, false) => Subject::Volume,
+        (false, _) => Subject::LightMap,
+    })
 }
 
 /// A kind of scene file.
@@ -121,11 +134,26 @@ impl Describes for VolumeDocument {
     }
 }
 
+/// A document that is read for its animation.
+#[derive(serde::Deserialize)]
+#[serde(transparent)]
+struct Animated(VolumeDocument);
+
+impl Describes for Animated {
+    type Scene = AnimatedVolume;
+
+    fn scene(&self, file: &Path) -> Built<AnimatedVolume> {
+        self.0.animate(file)
+    }
+}
+
 /// The JSON schema of scene files (draft 2020-12): of light maps, or of volumes.
 pub fn schema(subject: Subject) -> Value {
     let (mut schema, title) = match subject {
         Subject::LightMap => (schemars::schema_for!(Document), "unscatter scene"),
-        Subject::Volume => (schemars::schema_for!(VolumeDocument), "unscatter volume scene"),
+        Subject::Volume | Subject::Animation => {
+            (schemars::schema_for!(VolumeDocument), "unscatter volume scene")
+        }
     };
     schema.insert("title".to_owned(), Value::from(title));
     schema.to_value()

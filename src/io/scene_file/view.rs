@@ -97,16 +97,32 @@ const DEVICES: [&str; 6] = ["con", "prn", "aux", "nul", "com", "lpt"];
 
 impl View {
     pub(super) fn build(&self, assets: &mut Assets) -> Built<scene::View> {
-        check_name(&self.name)?;
-        let camera = self.camera.build(assets).at("camera")?;
-        let size = camera.size();
-        let strokes = self.strokes.iter().enumerate();
-        let strokes = strokes.map(|(i, stroke)| stroke.build(size).at(&format!("strokes[{i}]")));
-        let strokes = strokes.collect::<Built<Vec<_>>>()?;
-        let layers = self.layers.iter().enumerate();
-        let layers = layers.map(|(i, file)| layer(file, size, assets).at(&format!("layers[{i}]")));
-        Ok(scene::View { name: self.name.clone(), camera, strokes, layers: layers.collect::<Built<_>>()? })
+        let camera = checked_camera(&self.name, &self.camera, assets)?;
+        painted(&self.name, camera, &self.strokes, &self.layers, assets)
     }
+}
+
+/// The camera of a view, once its name is known to be one.
+pub(super) fn checked_camera(name: &str, camera: &Camera, assets: &mut Assets) -> Built<scene::Camera> {
+    check_name(name)?;
+    camera.build(assets).at("camera")
+}
+
+/// A view with what is painted on it.
+pub(super) fn painted(
+    name: &str,
+    camera: scene::Camera,
+    strokes: &[Stroke],
+    layers: &[String],
+    assets: &Assets,
+) -> Built<scene::View> {
+    let size = camera.size();
+    let strokes = strokes.iter().enumerate();
+    let strokes = strokes.map(|(i, stroke)| stroke.build(size).at(&format!("strokes[{i}]")));
+    let strokes = strokes.collect::<Built<Vec<_>>>()?;
+    let layers = layers.iter().enumerate();
+    let layers = layers.map(|(i, file)| layer(file, size, assets).at(&format!("layers[{i}]")));
+    Ok(scene::View { name: name.to_owned(), camera, strokes, layers: layers.collect::<Built<_>>()? })
 }
 
 fn check_name(name: &str) -> Built<()> {

@@ -1,5 +1,6 @@
 //! Volumes from pictures: emission, albedo, both, extinction, or the light around them (Klehm 2015, chapter 7).
 
+mod animation;
 mod desired;
 mod environment;
 mod extinction;
@@ -14,6 +15,7 @@ mod rows;
 mod searched;
 mod state;
 
+pub use animation::{Determined, Occupied, Spread, Spreading};
 pub use desired::Desired;
 pub use environment::{LightColumns, LitRows, SeenLights, light_bytes};
 pub use operator::VolumeOperator;

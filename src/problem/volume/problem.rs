@@ -275,6 +275,11 @@ impl VolumeProblem {
         views.len()
     }
 
+    /// The place of each element among the voxels of its grid, one grid behind the other.
+    pub(super) fn places(&self) -> &[u32] {
+        &self.places
+    }
+
     /// Places of the unknowns along each axis.
     pub fn size(&self) -> &[usize] {
         &self.size

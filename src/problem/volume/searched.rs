@@ -6,7 +6,7 @@ use super::Optics;
 use super::environment::lit_voxels;
 use super::hull::visual_hull;
 use crate::cpu::near_medium;
-use crate::march::{Part, Quantity};
+use crate::march::{Density, Part, Quantity};
 use crate::operator::Bounds;
 use crate::problem::Steering;
 use crate::scene::{Find, Rgb, Volume, VolumeMedium, VolumeScene, VoxelGrid, VoxelSet};
@@ -112,7 +112,7 @@ impl Searched {
         let grid = *volume.grid();
         let candidates = match quantity {
             Quantity::Extinction => VoxelSet::all(grid.size()),
-            _ => near_medium_exactly(optics, &grid),
+            _ => near_medium_exactly(&optics.density, &grid),
         };
         let voxels = match visual_hull(scene, &grid)? {
             Some(hull) => candidates.intersection(&hull),
@@ -136,8 +136,7 @@ fn steering([first, then]: [f64; 2], then_from: usize) -> Option<Steering> {
 }
 
 /// The voxels of a grid that a medium reaches into; exactly those with extinction where the grids are one.
-fn near_medium_exactly(optics: &Optics, grid: &VoxelGrid) -> VoxelSet {
-    let density = &optics.density;
+pub(super) fn near_medium_exactly(density: &Density, grid: &VoxelGrid) -> VoxelSet {
     if grid == density.grid() && density.cells().size() == grid.size() {
         return density.cells().clone();
     }

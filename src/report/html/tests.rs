@@ -50,6 +50,7 @@ fn pictures() -> Pictures {
         }),
     };
     Pictures {
+        frames: Vec::new(),
         turntable: Vec::new(),
         environment: None,
         views: vec![view("front", 0.0), view("aisle", 0.4), view("window", 0.9)],

@@ -183,7 +183,7 @@ fn the_scenes_in_strokes_can_be_planned() {
             // Small grids: this is about whether the files are understood, not about their size.
             let small = match subject(&path).unwrap() {
                 Subject::LightMap => ["--set", "shadow_map.size=64", "--set", "light_map.size=32"],
-                Subject::Volume => ["--set", "volume.size=16", "--set", "light_size=8"],
+                Subject::Volume | Subject::Animation => ["--set", "volume.size=16", "--set", "light_size=8"],
             };
             desk.done(&[&["plan", path.to_str().unwrap(), "--json"], &small[..]].concat()).json();
         }
@@ -202,7 +202,9 @@ fn completions_are_made_for_every_shell() {
 fn help_and_version_are_given() {
     let desk = Desk::new();
     let help = desk.done(&["--help"]).out;
-    for command in ["light-map", "render", "plan", "check", "matrix", "doctor", "schema", "completions"] {
+    for command in
+        ["light-map", "animate", "render", "plan", "check", "matrix", "doctor", "schema", "completions"]
+    {
         assert!(help.contains(command), "{command}");
         desk.done(&[command, "--help"]);
     }

@@ -69,7 +69,7 @@ fn scene(case: &Case) -> VolumeScene {
         false => LightBasis::discs(21, Over::Sphere, 0.6, 2).unwrap(),
     });
     if case.has_floor {
-        scene.geometry = floor(8.0, [0.5, 0.4, 0.3]);
+        scene.geometry = Arc::new(floor(8.0, [0.5, 0.4, 0.3]));
     }
     scene
 }
@@ -174,7 +174,7 @@ fn lights_that_nothing_shows_are_refused() {
     // A hemisphere that points down at a floor, seen from above it.
     let mut scene = scene(&CASES[4]);
     scene.background = Some([0.1; 3]);
-    scene.geometry = floor(4000.0, [0.0; 3]);
+    scene.geometry = Arc::new(floor(4000.0, [0.0; 3]));
     scene.light_basis = Arc::new(LightBasis::discs(9, Over::Hemisphere(DVec3::NEG_Y), 0.2, 1).unwrap());
     let state = VolumeState::of(&scene).unwrap();
     let desired = wanted(&pictures_in(&scene, &state, Find::Environment));

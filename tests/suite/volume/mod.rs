@@ -1,5 +1,6 @@
 //! Volumes, from the traversal to solved problems, against definitions that are written out again here.
 
+mod animation;
 mod brute;
 mod environment;
 mod light;

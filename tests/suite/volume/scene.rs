@@ -32,7 +32,7 @@ pub fn scene(medium: VolumeMedium, environment: Environment, cameras: Vec<Camera
         light_basis: Arc::new(LightBasis::discs(1, Over::Sphere, 0.5, 1).unwrap()),
         light_size: None,
         background: None,
-        geometry: Geometry::new(Mesh::default()).unwrap(),
+        geometry: Arc::new(Geometry::new(Mesh::default()).unwrap()),
         views: cameras.into_iter().enumerate().map(view).collect(),
         target: Target::Radiance,
         stages: Vec::new(),

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::animation::Animation;
 use super::field::GridSize;
 use super::lights::Lights;
 use super::properties::{Extinction, PropertyBounds, Volume, light_size};
@@ -18,7 +19,7 @@ use crate::io::scene_file::light::Light;
 use crate::io::scene_file::occluder::Occluder;
 use crate::io::scene_file::solve::Solve;
 use crate::io::transforms::Shot;
-use crate::scene::{self, FovAxis, Geometry, Mesh, VolumeScene};
+use crate::scene::{self, FovAxis, Geometry, Mesh, VolumeMedium, VolumeScene};
 
 /// An unscatter scene of a volume. Lengths are in metres, angles in degrees, radiance is linear Rec. 709; cameras look along
 /// −Z with +Y up. File names are relative to the scene file.
@@ -82,6 +83,9 @@ pub struct VolumeDocument {
     /// Stops by which PNG pictures are brightened, from −64 to 64.
     #[serde(default, skip_serializing_if = "is_default")]
     pub exposure: f64,
+    /// Frames of a volume that changes, and what the pictures of some of them should show.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub animation: Option<Animation>,
     /// How the problems are solved; `lower` and `upper` are given by `bounds` here.
     #[serde(default, skip_serializing_if = "is_default")]
     pub solve: Solve,
@@ -187,16 +191,31 @@ impl VolumeDocument {
             pull: Pull::default(),
             hull: None,
             exposure: 0.0,
+            animation: None,
             solve: Solve::default(),
         }
     }
 
-    /// The scene; `file` is where the document comes from and what file names in it are relative to.
+    /// The scene, of an animation that of the first key frame; `file` is where the document comes from and what file names in it
+    /// are relative to.
     pub(in crate::io::scene_file) fn build(&self, file: &Path) -> Built<VolumeScene> {
+        if self.animation.is_some() {
+            return Ok(self.animate(file)?.animation.keys.swap_remove(0).scene);
+        }
+        let stages = self.find.stages();
+        self.scene(file, &mut Assets::beside(file), |assets| self.volume.build(assets, &stages).at("volume"))
+    }
+
+    /// The scene around a medium.
+    pub(super) fn scene(
+        &self,
+        file: &Path,
+        assets: &mut Assets,
+        medium: impl FnOnce(&Assets) -> Built<VolumeMedium>,
+    ) -> Built<VolumeScene> {
         if self.version != Document::VERSION {
             return Err(unknown_version(self.version));
         }
-        let mut assets = Assets::beside(file);
         // What is small is looked at before what may take long to read.
         let exposure = checked("exposure", self.exposure, "from -64 to 64 stops", |e| e.abs() <= 64.0)?;
         let usual = Solve::default();
@@ -221,7 +240,7 @@ impl VolumeDocument {
         let background = self.background.map(|color| color.rgb("background", f32::MAX)).transpose()?;
         let environment = self.environment.clone().unwrap_or_default();
         let light_basis = environment.lights.clone().unwrap_or_default().build().at("environment.lights")?;
-        let environment = environment.build(&assets).at("environment")?;
+        let environment = environment.build(assets).at("environment")?;
         let stages = self.find.stages();
         let rounds = self.rounds.unwrap_or(1);
         if !(1..=100).contains(&rounds) {
@@ -232,13 +251,13 @@ impl VolumeDocument {
             return Err(Flaw::value("rounds", rounds, expected));
         }
         let lights = self.lights.iter().enumerate();
-        let lights = lights.map(|(i, light)| light.build(&mut assets).at(&format!("lights[{i}]")));
+        let lights = lights.map(|(i, light)| light.build(assets).at(&format!("lights[{i}]")));
         let lights = lights.collect::<Built<_>>()?;
-        let medium = self.volume.build(&assets, &stages).at("volume")?;
-        let views = self.build_views(&mut assets)?;
+        let medium = medium(assets)?;
+        let views = self.build_views(assets)?;
         let mut mesh = Mesh::default();
         for (i, occluder) in self.occluders.iter().enumerate() {
-            occluder.add_to(&mut mesh, &mut assets).at(&format!("occluders[{i}]"))?;
+            occluder.add_to(&mut mesh, assets).at(&format!("occluders[{i}]"))?;
         }
         Ok(VolumeScene {
             name: self.name.clone().unwrap_or_else(|| stem(file)),
@@ -248,7 +267,7 @@ impl VolumeDocument {
             light_basis: Arc::new(light_basis),
             light_size,
             background,
-            geometry: Geometry::new(mesh).at("occluders")?,
+            geometry: Arc::new(Geometry::new(mesh).at("occluders")?),
             views,
             target: self.target.into(),
             stages,
@@ -287,7 +306,7 @@ impl VolumeDocument {
 }
 
 impl Find {
-    fn stages(self) -> Vec<scene::Find> {
+    pub(super) fn stages(self) -> Vec<scene::Find> {
         use scene::Find::{Albedo, Emission, Environment, Extinction, Joint, Refinement};
         match self {
             Self::Emission => vec![Emission],

@@ -76,7 +76,8 @@ impl Field {
         Self::From(FieldSource { made: Some(shapes), ..FieldSource::default() })
     }
 
-    fn source(&self) -> FieldSource {
+    /// Where it comes from.
+    pub(super) fn source(&self) -> FieldSource {
         match self {
             Self::Constant(value) => FieldSource { value: Some(*value), ..FieldSource::default() },
             Self::From(source) => source.clone(),
@@ -135,6 +136,43 @@ impl Field {
         };
         if source.half { volume.halved().at("half") } else { Ok(volume) }
     }
+}
+
+impl FieldSource {
+    /// Whether its file is one of many, with a run of `#` for the number.
+    pub(super) fn is_numbered(&self) -> bool {
+        self.file.as_ref().is_some_and(|file| file.contains('#'))
+    }
+
+    /// The file with a number for the first run of `#`.
+    pub(super) fn numbered(&self, number: usize) -> Self {
+        let numbered = |file: &String| {
+            let Some(at) = file.find('#') else { return file.clone() };
+            let (before, rest) = file.split_at(at);
+            let after = rest.trim_start_matches('#');
+            // More digits than a number has are no names of files.
+            let digits = (rest.len() - after.len()).min(20);
+            format!("{before}{number:0digits$}{after}")
+        };
+        Self { file: self.file.as_ref().map(numbered), ..self.clone() }
+    }
+
+    /// What is made of the shapes a `share` of the way to another's.
+    pub(super) fn towards(&self, other: &Self, share: f64) -> Built<Self> {
+        let (Some(from), Some(to)) = (&self.made, &other.made) else {
+            return Err(Flaw::new("", "only what is `made` has shapes that could move to another key's"));
+        };
+        let scale = match (self.scale, other.scale) {
+            (None, None) => None,
+            (from, to) => Some(mixed(from.unwrap_or(1.0), to.unwrap_or(1.0), share)),
+        };
+        Ok(Self { made: Some(from.towards(to, share).at("made")?), scale, ..self.clone() })
+    }
+}
+
+/// A number a `share` of the way from one to another.
+pub(super) fn mixed(from: f64, to: f64, share: f64) -> f64 {
+    (1.0 - share) * from + share * to
 }
 
 impl Serialize for Field {

@@ -1,5 +1,7 @@
 //! Scene files that describe a volume.
 
+mod animated;
+mod animation;
 mod document;
 mod field;
 mod lights;
@@ -7,6 +9,8 @@ mod properties;
 mod shapes;
 mod view;
 
+pub use animated::AnimatedVolume;
+pub use animation::{Animation, Between, Key, KeyView};
 pub use document::{Environment, Find, Pull, TransformsFile, VolumeDocument};
 pub use field::{Field, FieldSource, GridSize};
 pub use lights::{Lights, Over};

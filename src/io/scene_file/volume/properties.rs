@@ -140,7 +140,7 @@ impl Volume {
             inside(&volume, range, expected).at(name)?;
             Ok(Arc::new(volume))
         };
-        inside(&extinction, [0.0, f32::MAX], "not negative").at("extinction")?;
+        not_negative(&extinction).at("extinction")?;
         let refraction = self.refraction.as_ref().map(|refraction| -> Built<_> {
             let index = field(&refraction.index, "index", [f32::MIN_POSITIVE, f32::MAX], "above 0")
                 .at("refraction")?;
@@ -162,6 +162,11 @@ impl Volume {
             extinction: Arc::new(extinction),
         })
     }
+}
+
+/// Whether no extinction is negative; a flaw that names the first voxel where one is.
+pub(super) fn not_negative(extinction: &scene::Volume) -> Built<()> {
+    inside(extinction, [0.0, f32::MAX], "not negative")
 }
 
 /// Whether all values are in a range; a flaw that names the first voxel where they are not.

@@ -4,6 +4,7 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::field::mixed;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked, within};
 use crate::scene::{self, Blob, Procedural};
 
@@ -99,7 +100,63 @@ impl Shapes {
     }
 }
 
+impl Shapes {
+    /// The shapes a `share` of the way to others of the same kinds.
+    pub(super) fn towards(&self, other: &Self, share: f64) -> Built<Self> {
+        if self.shapes.len() != other.shapes.len() {
+            let (here, before) = (other.shapes.len(), self.shapes.len());
+            let problem =
+                format!("there are {here} shapes and at the key before {before}; each needs its partner");
+            return Err(Flaw::new("shapes", problem));
+        }
+        let pairs = self.shapes.iter().zip(&other.shapes).enumerate();
+        let shapes = pairs.map(|(i, (from, to))| from.towards(to, share).at(&format!("shapes[{i}]")));
+        Ok(Self {
+            shapes: shapes.collect::<Built<_>>()?,
+            inside: mixed(self.inside, other.inside, share),
+            outside: mixed(self.outside, other.outside, share),
+            edge: mixed(self.edge, other.edge, share),
+            noise: match (&self.noise, &other.noise) {
+                (None, None) => None,
+                (Some(from), Some(to)) => Some(from.towards(to, share).at("noise")?),
+                _ => return Err(Flaw::new("noise", "give `noise` at every key or at none")),
+            },
+        })
+    }
+}
+
+impl Noise {
+    fn towards(&self, other: &Self, share: f64) -> Built<Self> {
+        if (self.octaves, self.seed) != (other.octaves, other.seed) {
+            return Err(Flaw::new("", "`octaves` and `seed` must be those of the key before"));
+        }
+        Ok(Self {
+            scale: mixed(self.scale, other.scale, share),
+            gain: mixed(self.gain, other.gain, share),
+            depth: mixed(self.depth, other.depth, share),
+            mottle: mixed(self.mottle, other.mottle, share),
+            ..self.clone()
+        })
+    }
+}
+
 impl Shape {
+    fn towards(&self, other: &Self, share: f64) -> Built<Self> {
+        let point = |from: [f64; 3], to: [f64; 3]| std::array::from_fn(|i| mixed(from[i], to[i], share));
+        match (self, other) {
+            (Self::Sphere(from), Self::Sphere(to)) => Ok(Self::Sphere(Sphere {
+                center: point(from.center, to.center),
+                radius: mixed(from.radius, to.radius, share),
+            })),
+            (Self::Capsule(from), Self::Capsule(to)) => Ok(Self::Capsule(Capsule {
+                from: point(from.from, to.from),
+                to: point(from.to, to.to),
+                radii: std::array::from_fn(|end| mixed(from.radii[end], to.radii[end], share)),
+            })),
+            _ => Err(Flaw::new("", "it must be of the kind of its partner at the key before")),
+        }
+    }
+
     fn build(&self) -> Built<Blob> {
         let point = |path: &str, p: [f64; 3]| -> Built<DVec3> {
             p.iter().try_for_each(|&x| checked(path, x, "finite", |_| true).map(drop))?;

@@ -3,9 +3,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::animation::KeyView;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
-use crate::io::scene_file::view::{Camera, Stroke, View};
+use crate::io::scene_file::view::{Camera, Stroke, checked_camera, painted};
 use crate::scene::{self, Image, RgbaImage};
 
 /// A camera and what its picture should show.
@@ -59,34 +60,70 @@ impl VolumeView {
     }
 
     pub(super) fn build(&self, assets: &mut Assets) -> Built<scene::VolumeView> {
-        let view = View {
-            name: self.name.clone(),
-            camera: self.camera.clone(),
-            strokes: self.strokes.clone(),
-            layers: self.layers.clone(),
+        let camera = checked_camera(&self.name, &self.camera, assets)?;
+        let size = camera.size();
+        let wanted = Wanted {
+            picture: self.picture.as_deref(),
+            weight: self.weight.as_deref(),
+            mask: self.mask.as_deref(),
+            strokes: &self.strokes,
+            layers: &self.layers,
+            keep: self.keep,
         };
-        let view = view.build(assets)?;
-        let size = view.camera.size();
+        let view = wanted.build(&self.name, camera, assets)?;
+        let background = self.background.as_ref().map(|file| sized(assets.image(file)?, size)).transpose();
+        Ok(scene::VolumeView { background: background.at("background")?, ..view })
+    }
+}
+
+/// What a picture should show, as it is written.
+pub(super) struct Wanted<'a> {
+    picture: Option<&'a str>,
+    weight: Option<&'a str>,
+    mask: Option<&'a str>,
+    strokes: &'a [Stroke],
+    layers: &'a [String],
+    keep: Option<f64>,
+}
+
+impl<'a> Wanted<'a> {
+    pub(super) fn of_key(view: &'a KeyView) -> Self {
+        Self {
+            picture: view.picture.as_deref(),
+            weight: view.weight.as_deref(),
+            mask: view.mask.as_deref(),
+            strokes: &view.strokes,
+            layers: &view.layers,
+            keep: view.keep,
+        }
+    }
+
+    /// The view of a camera that should show it.
+    pub(super) fn build(
+        &self,
+        name: &str,
+        camera: scene::Camera,
+        assets: &mut Assets,
+    ) -> Built<scene::VolumeView> {
+        let size = camera.size();
+        let view = painted(name, camera, self.strokes, self.layers, assets)?;
         let keep = checked("keep", self.keep.unwrap_or(1.0), "from 0 to 1", |k| (0.0..=1.0).contains(&k))?;
-        let picture =
-            self.picture.as_ref().map(|file| wanted(file, size, assets)).transpose().at("picture")?;
-        let picture = match (picture, &self.weight) {
+        let picture = self.picture.map(|file| wanted(file, size, assets)).transpose().at("picture")?;
+        let picture = match (picture, self.weight) {
             (Some(picture), Some(file)) => Some(weighted(picture, file, assets).at("weight")?),
             (None, Some(_)) => {
                 return Err(Flaw::new("weight", "there is no `picture` whose pixels it could weigh"));
             }
             (picture, None) => picture,
         };
-        let image = |file: &Option<String>| -> Built<Option<Image>> {
-            file.as_ref().map(|file| sized(assets.image(file)?, size)).transpose()
-        };
-        let mask = image(&self.mask).at("mask")?;
+        let mask = self.mask.map(|file| -> Built<Image> { sized(assets.image(file)?, size) });
+        let mask = mask.transpose().at("mask")?;
         Ok(scene::VolumeView {
             view,
             picture,
             keep: keep as f32,
             mask: mask.map(|mask| mask.pixels.iter().map(|pixel| pixel.iter().any(|&c| c > 0.5)).collect()),
-            background: image(&self.background).at("background")?,
+            background: None,
         })
     }
 }

@@ -1,5 +1,6 @@
 //! `unscatter volume` and what the other commands make of a volume.
 
+mod animation;
 mod bad_input;
 mod environment;
 mod formats;

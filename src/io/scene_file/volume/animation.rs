@@ -1,0 +1,208 @@
+//! Volumes that change from frame to frame, as they are written: key frames, and what lies between them.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::document::VolumeDocument;
+use super::field::Field;
+use super::properties::Volume;
+use super::view::Wanted;
+use crate::io::scene_file::assets::Assets;
+use crate::io::scene_file::flaw::{At, Built, Flaw, within};
+use crate::io::scene_file::view::Stroke;
+use crate::scene::{self, Find, VolumeMedium, VolumeScene};
+
+/// Frames at most.
+const MOST_FRAMES: usize = 10_000;
+/// The largest number of the first file.
+const LARGEST_NUMBER: usize = 1_000_000_000;
+
+/// Frames of a volume, and what the pictures of some of them should show.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Animation {
+    /// How many frames there are, from 2 to 10000; they are numbered from 0.
+    #[schemars(range(min = 2, max = 10_000))]
+    pub frames: usize,
+    /// The key frames, in the order of their numbers; at least two.
+    #[schemars(length(min = 2))]
+    pub keys: Vec<Key>,
+    /// The extinction of the frames between two keys, where it does not come from numbered files.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub between: Between,
+    /// The number of the file of frame 0, where `volume.extinction.file` has a run of `#` in its name: that stands for the
+    /// number, with zeros before it up to the length of the run; 0 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first_file: Option<usize>,
+}
+
+/// The extinction of frames between two keys.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Between {
+    /// The keys' own, blended: one fades out while the other comes in.
+    #[default]
+    Blend,
+    /// Made of the keys' shapes on their way from one to the other; they must be `made`, of the same kinds of shapes.
+    Shapes,
+}
+
+/// A frame, and what its pictures should show.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Key {
+    /// The number of the frame.
+    pub frame: usize,
+    /// Extinction at this frame; that of the volume when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub extinction: Option<Field>,
+    /// Albedo at this frame before the solve; that of the volume when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub albedo: Option<Field>,
+    /// Emission at this frame before the solve; that of the volume when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission: Option<Field>,
+    /// What views of the scene should show at this frame. What the scene itself wants of the others counts here, too.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub views: Vec<KeyView>,
+}
+
+/// What a view should show at a key frame, in place of what the scene says.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct KeyView {
+    /// The name of a view of the scene.
+    pub name: String,
+    /// What the picture should show, as in a view of the scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture: Option<String>,
+    /// Weights of the picture's pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weight: Option<String>,
+    /// Where the volume is seen at this frame: a picture of the view's size, black outside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<String>,
+    /// Painted strokes, in painting order, over the layers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub strokes: Vec<Stroke>,
+    /// Painted pictures of the view's size, from the bottom up.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub layers: Vec<String>,
+    /// Weight with which unpainted pixels stay as they are; 1 when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keep: Option<f64>,
+}
+
+impl Animation {
+    /// What can be said before anything is read.
+    pub(super) fn check(&self, volume: &Volume, stages: &[Find]) -> Built<()> {
+        within("frames", self.frames, [2, MOST_FRAMES])?;
+        if self.keys.len() < 2 {
+            return Err(Flaw::new("keys", format!("at least two are needed, not {}", self.keys.len())));
+        }
+        for (index, key) in self.keys.iter().enumerate() {
+            let place = format!("keys[{index}].frame");
+            if key.frame >= self.frames {
+                let expected = format!("below {}, the number of frames", self.frames);
+                return Err(Flaw::value(place, key.frame, &expected));
+            }
+            if let Some(before) = index.checked_sub(1).map(|before| self.keys[before].frame)
+                && key.frame <= before
+            {
+                let expected = format!("above {before}, the frame of the key before it");
+                return Err(Flaw::value(place, key.frame, &expected));
+            }
+        }
+        let is_of_files = self.is_of_files(volume);
+        if self.first_file.is_some() && !is_of_files {
+            let problem =
+                "there are no numbered files; give `volume.extinction.file` a run of `#` for the number";
+            return Err(Flaw::new("first_file", problem));
+        }
+        within("first_file", self.first_file.unwrap_or(0), [0, LARGEST_NUMBER])?;
+        let own = self.keys.iter().position(|key| key.extinction.is_some());
+        if let (true, Some(index)) = (is_of_files, own) {
+            let problem =
+                "the files of `volume.extinction` give the extinction of every frame; leave it away here";
+            return Err(Flaw::new(format!("keys[{index}].extinction"), problem));
+        }
+        let moves = is_of_files || self.between == Between::Shapes;
+        if moves && stages.iter().any(|find| matches!(find, Find::Extinction | Find::Refinement)) {
+            let problem = "extinction is looked for at the keys, and can only be blended between them";
+            return Err(Flaw::new("between", problem));
+        }
+        if is_of_files && self.between == Between::Shapes {
+            return Err(Flaw::new("between", "the extinction of all frames comes from files; leave it away"));
+        }
+        Ok(())
+    }
+
+    /// Whether the volume's extinction comes from numbered files.
+    pub(super) fn is_of_files(&self, volume: &Volume) -> bool {
+        volume.extinction.source().is_numbered()
+    }
+}
+
+impl Key {
+    /// The medium at this key before the solve.
+    pub(super) fn medium(
+        &self,
+        index: usize,
+        document: &VolumeDocument,
+        animation: &Animation,
+        assets: &Assets,
+    ) -> Built<VolumeMedium> {
+        let mut volume = document.volume.clone();
+        let of_key = [
+            ("extinction", &self.extinction, &mut volume.extinction),
+            ("albedo", &self.albedo, &mut volume.albedo),
+            ("emission", &self.emission, &mut volume.emission),
+        ];
+        let mut own = Vec::new();
+        for (name, field, place) in of_key {
+            if let Some(field) = field {
+                *place = field.clone();
+                own.push(name);
+            }
+        }
+        if animation.is_of_files(&document.volume) {
+            let number = animation.first_file.unwrap_or(0) + self.frame;
+            volume.extinction = Field::From(volume.extinction.source().numbered(number));
+        }
+        volume.build(assets, &document.find.stages()).map_err(|flaw| {
+            let is_own = own.iter().any(|name| flaw.is_at(name));
+            flaw.inside(&if is_own { format!("animation.keys[{index}]") } else { "volume".to_owned() })
+        })
+    }
+
+    /// Puts what is wanted at this key into a scene.
+    pub(super) fn want(&self, scene: &mut VolumeScene, assets: &mut Assets) -> Built<()> {
+        for (index, wanted) in self.views.iter().enumerate() {
+            let place = format!("views[{index}]");
+            let named = |view: &scene::VolumeView| view.view.name == wanted.name;
+            if self.views[..index].iter().any(|other| other.name == wanted.name) {
+                return Err(Flaw::value(format!("{place}.name"), &wanted.name, "the name of another view"));
+            }
+            let Some(view) = scene.views.iter_mut().find(|view| named(view)) else {
+                return Err(Flaw::value(
+                    format!("{place}.name"),
+                    &wanted.name,
+                    "the name of a view of the scene",
+                ));
+            };
+            let built =
+                Wanted::of_key(wanted).build(&wanted.name, view.view.camera.clone(), assets).at(&place)?;
+            *view = scene::VolumeView { background: view.background.take(), ..built };
+        }
+        if scene.views.iter().any(scene::VolumeView::is_wanted) {
+            return Ok(());
+        }
+        let problem =
+            "no view says what its picture should show at this key; give `views` with pictures or strokes";
+        Err(Flaw::new("", problem))
+    }
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
