@@ -34,13 +34,21 @@ impl Walked {
     /// Hands rays and shadow map of a light map over. `colored` media have one weight a channel; `deterministic` scatters give the
     /// same bits every time.
     ///
-    /// Errors: [`Error::AdapterMemory`], [`Error::TooLarge`] for a shadow map that a kernel cannot see as a whole.
+    /// Errors: [`Error::AdapterMemory`], [`Error::TooLarge`] for a shadow map that a kernel cannot see as a whole, [`Error::Adapter`] for
+    /// rows that show more than texels.
     pub fn light_map(
         gpu: &Gpu,
         traversal: &LightMapTraversal,
         colored: bool,
         deterministic: bool,
     ) -> Result<Self> {
+        if traversal.surroundings().is_some() {
+            return Err(Error::Adapter {
+                adapter: gpu.record().name.clone(),
+                problem: "walks light maps alone, and surroundings are looked for with this one".to_owned(),
+                remedy: "raise --memory so that the rows can be kept, or use --backend cpu",
+            });
+        }
         let shared = traversal.transport();
         let walk = Walk::new(shared.basis, shared.quadrature, colored);
         let depths = Depths::of(&shared.shadow_map);

@@ -6,11 +6,13 @@
 mod basis;
 mod exponential;
 mod light_map;
+mod surroundings;
 mod visibility;
 mod volume;
 
 pub use exponential::{SERIES_0, SERIES_2};
-pub use light_map::{LightMapTransport, LightMapTraversal, RowExtent, ViewRay};
+pub use light_map::{LightMapTransport, LightMapTraversal, RowExtent, ViewRay, weight_between};
+pub use surroundings::{Reflected, Surroundings};
 #[cfg(feature = "gpu")]
 pub(crate) use volume::{CellRay, Line};
 pub use volume::{

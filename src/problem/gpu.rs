@@ -44,7 +44,7 @@ impl GpuOperator<LightMapTraversal> {
             gpu,
             &Rows {
                 count: problem.constraints.len(),
-                elements: problem.maps.light_map.len(),
+                elements: problem.elements(),
                 channels: if colored { 3 } else { 1 },
                 plan: &problem.plan,
             },

@@ -17,6 +17,7 @@ mod procedural;
 mod settings;
 mod shadow_map;
 mod strokes;
+mod surroundings;
 mod view;
 mod volume;
 mod volume_scene;
@@ -39,6 +40,7 @@ pub use settings::{
 };
 pub use shadow_map::ShadowMap;
 pub use strokes::Stroke;
+pub use surroundings::{Sky, Surroundings};
 pub use view::View;
 pub use volume::{Interpolation, Samples, Volume, VoxelGrid};
 pub use volume_scene::{ExtinctionSettings, Find, PropertyBounds, VolumeMedium, VolumeScene, VolumeView};
@@ -60,6 +62,8 @@ pub struct Scene {
     pub geometry: Geometry,
     /// Radiance from everywhere but the sun: surfaces reflect it, and the medium scatters it towards the eye.
     pub ambient: Rgb,
+    /// Light beside that of the light map which is looked for together with it.
+    pub surroundings: Option<Surroundings>,
     /// Cameras and what is painted on their pictures.
     pub views: Vec<View>,
     /// Resolution, extent and basis of the light map.
