@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::basis::{Bilinear, Nearest, Piece, Window};
 use super::visibility::{ShadowRay, clip};
-use super::{Real, Surroundings, Traversal, Weight, least};
+use super::{BesideRows, Real, Surroundings, Traversal, Weight, least};
 use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray, ShadowMap};
 
 /// A view ray in the frame of the light, up to the first surface.
@@ -95,6 +95,12 @@ impl LightMapTraversal {
     /// What the rows show beside the texels along their rays.
     pub fn surroundings(&self) -> Option<&Arc<Surroundings>> {
         self.surroundings.as_ref()
+    }
+
+    /// Its rows without what is along their rays; none where they show nothing else.
+    pub fn beside(&self) -> Option<BesideRows> {
+        let texels = self.transport.light_map.len();
+        self.surroundings.clone().map(|surroundings| BesideRows { surroundings, texels })
     }
 
     /// Every so many of its rows.
@@ -208,6 +214,10 @@ impl<F: Real, const C: usize> Traversal<F, C> for LightMapTraversal {
     fn elements(&self) -> usize {
         let further = self.surroundings.as_ref().map_or(0, |shown| shown.further());
         self.transport.light_map.len() + further
+    }
+
+    fn long_from(&self) -> usize {
+        self.surroundings.as_ref().map_or(usize::MAX, |_| self.transport.light_map.len())
     }
 
     #[inline]

@@ -1,4 +1,6 @@
-use super::{Real, Weight};
+use std::sync::Arc;
+
+use super::{Real, Traversal, Weight};
 use crate::scene::Rgb;
 use crate::{Error, Result};
 
@@ -140,5 +142,26 @@ impl Surroundings {
                 visit(texels + further, wide(weight));
             }
         }
+    }
+}
+
+/// Rows of a light map with their surroundings alone.
+#[derive(Debug, Clone)]
+pub struct BesideRows {
+    pub(super) surroundings: Arc<Surroundings>,
+    pub(super) texels: usize,
+}
+
+impl<F: Real, const C: usize> Traversal<F, C> for BesideRows {
+    fn rows(&self) -> usize {
+        self.surroundings.reflected.len()
+    }
+
+    fn elements(&self) -> usize {
+        self.texels + self.surroundings.further
+    }
+
+    fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
+        self.surroundings.walk(row, self.texels, |_| {}, visit);
     }
 }

@@ -10,7 +10,7 @@ mod words;
 
 pub use data::{
     Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, StageRecord, Step,
-    StopRecord, ViewMatch, Work,
+    StopRecord, SunRecord, SurroundingsRecord, ViewMatch, Work,
 };
 pub use example::example;
 pub use html::{Pictures, ViewPictures, html};

@@ -11,6 +11,7 @@ mod turntable;
 
 use super::args::VolumeArguments;
 use super::engine::Engine;
+use super::environment::write_environment;
 use super::progress::{Steps, watch_interrupt};
 use super::results::Folder;
 use super::{Done, Manners, job};
@@ -44,7 +45,10 @@ pub(super) fn run(arguments: &VolumeArguments, manners: &Manners) -> Result<Done
     steps.begin("writing", None);
     results::write_volumes(&folder, &scene.stages, &state.medium, &formats)?;
     let environment = match scene.stages.contains(&Find::Environment) {
-        true => Some(results::write_environment(&folder, &scene, &state.environment)?),
+        true => {
+            let basis = &scene.light_basis;
+            Some(write_environment(&folder, basis, &state.environment, None, scene.exposure)?)
+        }
         false => None,
     };
     let in_page = report::Pictures {
