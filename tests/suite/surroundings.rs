@@ -409,10 +409,6 @@ fn known_light_comes_back_and_a_light_map_alone_is_no_match() {
         light[..texels].copy_from_slice(&found(&scene, &fixed));
         let [_, after] = pictured(&scene, &problem, &light);
         let by_map = distance(&after, &pictures);
-        println!(
-            "{:50} {start:.4} before, {by_map:.4} by the map alone, {end:.5} together",
-            case.surroundings
-        );
         assert!(by_map > 5.0 * end, "{case:?}: {by_map} and {end}");
     }
 }
