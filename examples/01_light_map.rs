@@ -58,6 +58,7 @@ fn scene() -> unscatter::Result<Scene> {
         medium: Medium::new([0.04; 3], [0.9; 3], 0.2)?,
         geometry: barn()?,
         ambient: [0.02; 3],
+        surroundings: None,
         views: vec![view],
         // Without an extent a map is fitted to what is seen.
         light_map: MapSettings { size: [128, 128], extent: None },

@@ -68,7 +68,7 @@ impl Checked for LightMapProblem {
     }
 
     fn start(&self) -> Vec<Rgb> {
-        vec![self.start; self.maps.light_map.len()]
+        self.starts()
     }
 
     fn explicit(&self) -> Result<ExplicitMatrix> {
@@ -133,6 +133,7 @@ pub(super) fn run(arguments: &CheckArguments, manners: &Manners) -> Result<Done>
         Subject::LightMap => {
             let scene = job::load(&arguments.scene, &[])?;
             let engine = Engine::choose(&arguments.backend)?;
+            job::check_surroundings(&scene)?;
             steps.begin("tracing", None);
             let problem = LightMapProblem::new(&scene)?.sampled(ROWS);
             steps.begin("checking", None);

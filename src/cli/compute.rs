@@ -153,8 +153,7 @@ impl Task<'_> {
         steps.begin("assessing", None);
         let views = scene.views.len();
         let assessor = Assessor::new(problem, &operator)?;
-        let start = vec![problem.start; problem.maps.light_map.len()];
-        let before = assessor.assess(&start, views)?;
+        let before = assessor.assess(&problem.starts(), views)?;
         let after = assessor.assess(&trial.solved.x, views)?;
         let Trial { coverage, adjoint_error, storage, solved } = trial;
         let computed = Computed {

@@ -6,7 +6,7 @@ use crate::cpu::Storage;
 use crate::problem::{LightMapProblem, Weights};
 use crate::report::{
     Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord,
-    ViewMatch,
+    SunRecord, SurroundingsRecord, ViewMatch,
 };
 use crate::scene::{Quadrature, Rgb, Scene, SolveSettings, Target};
 use crate::solve::Outcome;
@@ -57,9 +57,24 @@ impl Findings<'_> {
             skipped: self.skipped(),
             adjoint_error: self.computed.adjoint_error,
             coverage: self.covered(),
+            surroundings: self.surroundings(),
             stages: Vec::new(),
             animation: None,
         }
+    }
+
+    fn surroundings(&self) -> Option<SurroundingsRecord> {
+        let around = self.scene.surroundings.as_ref()?;
+        let [_, further] = self.problem.parted(&self.computed.solved.x);
+        let [_, covered] = self.problem.parted(&self.computed.coverage.0);
+        let sun = around.sun_of(&self.problem.further_start).zip(around.sun_of(further));
+        Some(SurroundingsRecord {
+            sun: sun.map(|(before, after)| SunRecord { before, after }),
+            lights: around.sky.as_ref().map(|_| {
+                let lights = around.sky_of(covered);
+                Share { count: reached(lights), of: lights.len() as u64 }
+            }),
+        })
     }
 
     fn size(&self) -> Problem {
@@ -104,12 +119,15 @@ impl Findings<'_> {
     fn certificate(&self) -> Certificate {
         let Outcome { history, true_residual, true_normal_residual, .. } = &self.computed.solved.outcome;
         let keeps_bounds = self.scene.solve.solver.keeps_bounds();
-        let [lower, upper] = self.scene.solve.bounds;
-        let is_at_bound =
-            |texel: &Rgb| (0..3).any(|c| f64::from(texel[c]) <= lower[c] || f64::from(texel[c]) >= upper[c]);
-        let reached = self.computed.solved.x.iter().zip(&self.computed.coverage.0);
-        let reached = reached.filter(|(_, covered)| covered.iter().any(|&value| value > 0.0));
-        let held = reached.filter(|(texel, _)| is_at_bound(texel)).count();
+        let [of_texels, of_others] = [self.scene.solve.bounds, [[0.0; 3], [f64::INFINITY; 3]]];
+        let texels = self.problem.maps.light_map.len();
+        let is_at_bound = |&(index, (x, _)): &(usize, (&Rgb, &Rgb))| {
+            let [lower, upper] = if index < texels { of_texels } else { of_others };
+            (0..3).any(|c| f64::from(x[c]) <= lower[c] || f64::from(x[c]) >= upper[c])
+        };
+        let reached = self.computed.solved.x.iter().zip(&self.computed.coverage.0).enumerate();
+        let reached = reached.filter(|(_, (_, covered))| covered.iter().any(|&value| value > 0.0));
+        let held = reached.filter(is_at_bound).count();
         Certificate {
             kind: if keeps_bounds { "projected-gradient" } else { "normal-residual" }.to_owned(),
             value: *true_normal_residual,
@@ -181,24 +199,30 @@ impl Findings<'_> {
     }
 
     fn covered(&self) -> Coverage {
-        let total = self.computed.coverage.0.len() as u64;
+        let [texels, _] = self.problem.parted(&self.computed.coverage.0);
+        let (total, reached) = (texels.len() as u64, reached(texels));
         // Where the data weigh less than the regularization, the start decides.
-        let weak = self.computed.coverage.0.iter().filter(|texel| {
+        let weak = texels.iter().filter(|texel| {
             let most = f64::from(texel[0].max(texel[1]).max(texel[2]));
             most > 0.0 && most < self.computed.solved.weights.tikhonov
         });
         Coverage {
-            reached: self.reached(),
+            reached,
             total,
-            unreached: total - self.reached(),
-            filled: self.scene.solve.fill.then(|| total - self.reached()),
+            unreached: total - reached,
+            filled: self.scene.solve.fill.then(|| total - reached),
             weak: Some(weak.count() as u64),
         }
     }
 
     fn reached(&self) -> u64 {
-        self.computed.coverage.0.iter().filter(|texel| texel.iter().any(|&value| value > 0.0)).count() as u64
+        reached(&self.computed.coverage.0)
     }
+}
+
+/// How many of some unknowns a painted ray reaches, given the squares of their weights.
+fn reached(squares: &[Rgb]) -> u64 {
+    squares.iter().filter(|square| square.iter().any(|&value| value > 0.0)).count() as u64
 }
 
 /// How rows were applied.

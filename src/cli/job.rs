@@ -2,7 +2,8 @@ use super::args::SceneArguments;
 use super::machine;
 use crate::cpu::Tiling;
 use crate::io::scene_file::{AnimatedVolume, Subject};
-use crate::problem::LightMapProblem;
+use crate::march::Surroundings;
+use crate::problem::{LightMapProblem, constraints};
 use crate::scene::{KeyFrame, MetricName, Scene, SolveSettings, VolumeScene};
 use crate::{Error, Result, io};
 
@@ -24,7 +25,12 @@ pub(super) fn load(arguments: &SceneArguments, flags: &[String]) -> Result<Scene
     }
     let scene = io::scene_file::load(&arguments.scene, &overrides(arguments, flags))?;
     tracing::info!(name = scene.name, views = scene.views.len(), "scene");
-    check_memory("the scene's pictures and maps", least_bytes(&scene), allowed(&scene.solve), REMEDY)?;
+    check_memory(
+        "the scene's pictures and maps",
+        least_bytes(&scene),
+        allowed(&scene.solve),
+        remedy(&scene),
+    )?;
     Ok(scene)
 }
 
@@ -94,7 +100,15 @@ pub(super) fn allowed(settings: &SolveSettings) -> u64 {
     settings.memory.unwrap_or_else(machine::default_budget)
 }
 
-const REMEDY: &str = "raise --memory, or lower light_map.size, shadow_map.size or the views' sizes";
+/// What a person can do when a scene needs more memory than there may be.
+fn remedy(scene: &Scene) -> &'static str {
+    match scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()) {
+        None => "raise --memory, or lower light_map.size, shadow_map.size or the views' sizes",
+        Some(_) => {
+            "raise --memory, or lower lights or shadow_map of surroundings.environment, light_map.size, shadow_map.size or the views' sizes"
+        }
+    }
+}
 
 pub(super) fn check_memory(what: &str, needed: u64, allowed: u64, remedy: &'static str) -> Result<()> {
     if needed <= allowed {
@@ -113,7 +127,7 @@ pub(super) fn check_memory(what: &str, needed: u64, allowed: u64, remedy: &'stat
 /// Errors: [`Error::TooLarge`] when everything else does not fit.
 pub(super) fn budget(scene: &Scene, problem: &LightMapProblem) -> Result<u64> {
     let (allowed, needed) = (allowed(&scene.solve), fixed_bytes(scene, problem));
-    check_memory("the solve without its matrix", needed, allowed, REMEDY)?;
+    check_memory("the solve without its matrix", needed, allowed, remedy(scene))?;
     Ok(allowed - needed)
 }
 
@@ -131,28 +145,52 @@ pub(super) fn settle_metric(scene: &mut Scene, problem: &LightMapProblem) {
 
 /// Bytes that the metric takes at most.
 fn metric_bytes(scene: &Scene, problem: &LightMapProblem) -> u64 {
-    let texels = problem.maps.light_map.len();
+    let elements = problem.elements();
     match scene.solve.metric_in_use() {
-        MetricName::Tiles if problem.is_grey() => Tiling::bytes::<f32, 1>(texels),
-        MetricName::Tiles => Tiling::bytes::<f32, 3>(texels),
+        MetricName::Tiles if problem.is_grey() => Tiling::bytes::<f32, 1>(elements),
+        MetricName::Tiles => Tiling::bytes::<f32, 3>(elements),
         _ => 0,
     }
 }
 
-/// Bytes that every command takes at least: what is painted on the views, the shadow map and a light map.
+/// Bytes that every command takes at least: what is painted on the views, the shadow maps and a light map.
 fn least_bytes(scene: &Scene) -> u64 {
     let texels = |size: [usize; 2]| size.iter().product::<usize>();
     let painted: usize = scene.views.iter().map(|view| texels(view.camera.size())).sum();
     let bytes = painted * size_of::<[f32; 4]>()
         + texels(scene.shadow_map.size) * SHADOW_TEXEL
         + texels(scene.light_map.size) * COLOR;
-    bytes as u64
+    sky_bytes(scene).saturating_add(bytes as u64)
+}
+
+/// Bytes that the shadow maps of the sky take.
+fn sky_bytes(scene: &Scene) -> u64 {
+    scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()).map_or(0, |sky| sky.shadow_bytes())
+}
+
+/// Bytes that the surroundings take: shadow maps, and weights of every row.
+pub(super) fn surrounding_bytes(scene: &Scene, problem: &LightMapProblem) -> u64 {
+    sky_bytes(scene) + weight_bytes(scene, problem.constraints.len())
+}
+
+/// Bytes that the weights of the surroundings take while they are made: row by row, one after the other, and as they are kept.
+fn weight_bytes(scene: &Scene, rows: usize) -> u64 {
+    scene.surroundings.as_ref().map_or(0, |around| 3 * Surroundings::bytes(rows, around.len()))
+}
+
+/// Errors: [`Error::TooLarge`] when the surroundings of the painted pixels exceed the memory; they are not made for it.
+pub(super) fn check_surroundings(scene: &Scene) -> Result<()> {
+    if scene.surroundings.is_none() {
+        return Ok(());
+    }
+    let needed = sky_bytes(scene) + weight_bytes(scene, constraints(scene)?.0.len());
+    check_memory("the light around the light map", needed, allowed(&scene.solve), remedy(scene))
 }
 
 /// Bytes that a solve takes beside the kept rows.
 pub(super) fn fixed_bytes(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let rows = problem.constraints.len();
-    let texels = problem.maps.light_map.len();
+    let texels = problem.elements();
     let shadow = problem.maps.shadow_map.grid().len();
     let pixels: usize = scene.views.iter().map(|view| view.camera.size().iter().product::<usize>()).sum();
     // Beside those of the method: start, scaling, coverage, right-hand side, weights, and what operators keep.
@@ -164,7 +202,9 @@ pub(super) fn fixed_bytes(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let rays = rows * size_of::<crate::march::ViewRay>();
     // Four pictures a view, and what is painted on it.
     let pictures = pixels * (4 * COLOR + size_of::<[f32; 4]>());
-    (vectors + rays + pictures + shadow * SHADOW_TEXEL + (64 << 20)) as u64 + metric_bytes(scene, problem)
+    (vectors + rays + pictures + shadow * SHADOW_TEXEL + (64 << 20)) as u64
+        + metric_bytes(scene, problem)
+        + surrounding_bytes(scene, problem)
 }
 
 pub(super) fn mebibytes(bytes: u64) -> String {

@@ -1,6 +1,7 @@
 use super::args::LightMapArguments;
 use super::compute::{Computed, Task, Watch};
 use super::engine::{Engine, On};
+use super::environment::write_environment;
 use super::findings::Findings;
 use super::placement::Placement;
 use super::progress::{Steps, watch_interrupt};
@@ -9,7 +10,7 @@ use super::{Done, Manners, job, resume};
 use crate::operator::CpuVector;
 use crate::problem::{Assessment, LightMapProblem, render};
 use crate::report::{self, Report};
-use crate::scene::{Image, Rgb, Scene};
+use crate::scene::{Environment, Image, Rgb, Scene, Sky};
 use crate::solve::StopReason;
 use crate::{Error, Result};
 
@@ -22,6 +23,7 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
     watch_interrupt()?;
 
+    job::check_surroundings(&scene)?;
     steps.begin("tracing", None);
     let problem = trace(&scene, &engine, arguments.rasterize)?;
     job::settle_metric(&mut scene, &problem);
@@ -37,7 +39,7 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
             adapter: None,
         },
     };
-    let preview = |texels: &[Rgb]| preview(&scene, &problem, &folder, texels);
+    let preview = |elements: &[Rgb]| preview(&scene, &problem, &folder, elements);
     let computed = engine.run(&checkpoint, arguments.solve.resume, resumed, |on, resumed| match on {
         On::Cpu => task.on_cpu(resumed, &mut steps, &preview),
         #[cfg(feature = "gpu")]
@@ -49,12 +51,14 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
     steps.begin("rendering", Some(views));
     let pictures = draw(&scene, &problem, &solved.x, [before, after], &steps)?;
     steps.begin("writing", None);
-    let light_map = light_map_picture(&problem, solved.x.clone())?;
+    let [texels, further] = problem.parted(&solved.x);
+    let light_map = light_map_picture(&problem, texels)?;
     let coverage_picture = coverage_picture(&problem, coverage)?;
     let in_page = report::Pictures {
         views: pictures.iter().map(|view| view.write(&folder, scene.exposure)).collect::<Result<_>>()?,
         light_map: folder.write_picture("light_map", &light_map, exposure_of(&problem))?,
         coverage: Some(folder.write_png("coverage", &coverage_picture, 0.0)?),
+        environment: write_sky(&scene, &folder, further)?,
         ..report::Pictures::default()
     };
     let findings = Findings { scene: &scene, problem: &problem, computed: &computed };
@@ -103,16 +107,16 @@ impl LightMapArguments {
     }
 }
 
-/// The pictures of all views under a light map, given what the painted pixels show before and after.
+/// The pictures of all views under what was found, given what the painted pixels show before and after.
 fn draw(
     scene: &Scene,
     problem: &LightMapProblem,
-    texels: &[Rgb],
+    elements: &[Rgb],
     [before, after]: [&Assessment; 2],
     steps: &Steps,
 ) -> Result<Vec<ViewPictures>> {
     let draw_view = |view: usize| {
-        let rendering = render(scene, &problem.maps, Some(texels), view)?;
+        let rendering = render(scene, &problem.maps, Some(elements), view)?;
         let width = scene.views[view].camera.size()[0];
         let rows = problem.constraints.iter().enumerate().filter(|(_, pixel)| pixel.view == view);
         let painted = rows.map(|(row, pixel)| Painted {
@@ -129,25 +133,39 @@ fn draw(
     (0..scene.views.len()).map(draw_view).collect()
 }
 
-fn preview(scene: &Scene, problem: &LightMapProblem, folder: &Folder, texels: &[Rgb]) -> Result<()> {
-    folder.write_picture("light_map", &light_map_picture(problem, texels.to_vec())?, exposure_of(problem))?;
+/// Writes the lights of the sky, where they were looked for; gives back the PNG file.
+fn write_sky(scene: &Scene, folder: &Folder, further: &[Rgb]) -> Result<Option<Vec<u8>>> {
+    let Some(around) = &scene.surroundings else { return Ok(None) };
+    let write = |sky: &Sky| {
+        // A solver without bounds may leave less than darkness, which nothing emits.
+        let lights = around.sky_of(further).iter().map(|color| color.map(|value| value.max(0.0)));
+        let found = Environment::lights(sky.basis.clone(), lights.collect())?;
+        write_environment(folder, "environment", &sky.basis, &found, around.sun_of(further), scene.exposure)
+    };
+    around.sky.as_ref().map(write).transpose()
+}
+
+fn preview(scene: &Scene, problem: &LightMapProblem, folder: &Folder, elements: &[Rgb]) -> Result<()> {
+    let [texels, _] = problem.parted(elements);
+    folder.write_picture("light_map", &light_map_picture(problem, texels)?, exposure_of(problem))?;
     for (view, seen) in scene.views.iter().enumerate() {
-        let after = render(scene, &problem.maps, Some(texels), view)?.after;
+        let after = render(scene, &problem.maps, Some(elements), view)?.after;
         folder.write_picture(&format!("{}_after", seen.name), &after, scene.exposure)?;
     }
     folder.publish()
 }
 
-fn light_map_picture(problem: &LightMapProblem, texels: Vec<Rgb>) -> Result<Image> {
-    Image::new(problem.maps.light_map.size, texels)?.finite("the light map")
+fn light_map_picture(problem: &LightMapProblem, texels: &[Rgb]) -> Result<Image> {
+    Image::new(problem.maps.light_map.size, texels.to_vec())?.finite("the light map")
 }
 
 /// The coverage as a picture: the logarithm of diag(Tᵀ W T) over six decades, black where no ray arrives.
 fn coverage_picture(problem: &LightMapProblem, coverage: &CpuVector) -> Result<Image> {
-    let most = coverage.0.iter().flatten().copied().fold(f32::MIN_POSITIVE, f32::max);
+    let [texels, _] = problem.parted(&coverage.0);
+    let most = texels.iter().flatten().copied().fold(f32::MIN_POSITIVE, f32::max);
     let shade =
         |value: f32| if value > 0.0 { ((value / most).log10() / 6.0 + 1.0).clamp(0.05, 1.0) } else { 0.0 };
-    Image::new(problem.maps.light_map.size, coverage.0.iter().map(|texel| texel.map(shade)).collect())
+    Image::new(problem.maps.light_map.size, texels.iter().map(|texel| texel.map(shade)).collect())
 }
 
 /// Stops that show the light's own radiance as a light grey, with room for what is brighter.
@@ -161,13 +179,17 @@ fn summary(report: &Report, folder: &Folder) -> String {
         change.map_or(String::new(), |hue| format!(", hue off by {:.1}° → {:.1}°", hue.before, hue.after))
     };
     let mut lines = vec![format!(
-        "{} painted pixels in {} views, {} of {} texels reached, {} non-zeros",
+        "{} painted pixels in {} views, {} of {} {} reached, {} non-zeros",
         report.problem.rows,
         report.problem.views,
         report.problem.active_unknowns,
         report.problem.unknowns,
+        if report.surroundings.is_some() { "unknowns" } else { "texels" },
         report.problem.nonzeros
     )];
+    if let Some(around) = &report.surroundings {
+        lines.push(format!("  around the light map: {}", around.in_words()));
+    }
     for view in &report.matched {
         lines.push(format!(
             "  {:<16} residual {:.3} → {:.3}{}",

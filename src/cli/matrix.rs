@@ -58,19 +58,22 @@ fn of_light_map(arguments: &MatrixArguments, steps: &mut Steps) -> Result<System
             "grey, for one matrix cannot hold three; set medium.sigma_t and medium.albedo to numbers",
         ));
     }
+    job::check_surroundings(&scene)?;
     steps.begin("tracing", None);
     let problem = LightMapProblem::new(&scene)?;
+    if !problem.is_grey() {
+        return Err(Error::value(
+            "surroundings",
+            "surfaces of a colour, which the surroundings make part of the rows",
+            "grey, for one matrix cannot hold three; set the occluders' albedo to numbers",
+        ));
+    }
     steps.begin("walking", None);
     let budget = job::budget(&scene, &problem)?;
     let matrix = ExplicitMatrix::new::<1>(&problem.traversal, budget / BYTES)?;
     let described = problem.constraints.iter();
     let described = described.map(|pixel| [pixel.view as f32, pixel.x as f32, pixel.y as f32, pixel.weight]);
-    Ok(System {
-        matrix,
-        start: vec![problem.start; problem.maps.light_map.len()],
-        described: described.collect(),
-        targets: problem.targets,
-    })
+    Ok(System { matrix, start: problem.starts(), described: described.collect(), targets: problem.targets })
 }
 
 fn of_volume(arguments: &MatrixArguments, steps: &mut Steps) -> Result<System> {

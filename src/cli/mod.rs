@@ -6,6 +6,7 @@ mod compute;
 mod diagnostics;
 mod doctor;
 mod engine;
+mod environment;
 mod findings;
 mod job;
 mod light_map;

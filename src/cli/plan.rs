@@ -23,6 +23,9 @@ struct Plan {
     pixels: usize,
     rows: usize,
     unknowns: usize,
+    /// Those of them that are not texels, and the bytes that they take beside the matrix.
+    surrounding_unknowns: usize,
+    surrounding_bytes: u64,
     /// Foreseen from a sample of the rows.
     nonzeros: u64,
     matrix_bytes: u64,
@@ -47,6 +50,7 @@ pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done>
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
     let mut scene = job::load(arguments, &[])?;
+    job::check_surroundings(&scene)?;
     steps.begin("tracing", None);
     let clock = Instant::now();
     let problem = LightMapProblem::new(&scene)?;
@@ -66,7 +70,9 @@ pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done>
         views: scene.views.len(),
         pixels: scene.views.iter().map(|view| view.camera.size().iter().product::<usize>()).sum(),
         rows,
-        unknowns: problem.maps.light_map.len(),
+        unknowns: problem.elements(),
+        surrounding_unknowns: problem.further_start.len(),
+        surrounding_bytes: job::surrounding_bytes(&scene, &problem),
         nonzeros: problem.plan.nonzeros,
         matrix_bytes: problem.plan.bytes,
         other_bytes: job::fixed_bytes(&scene, &problem),
@@ -135,7 +141,7 @@ fn words(plan: &Plan) -> String {
     format!(
         "{}: {} views, {} pixels\n\
          rows        {} painted pixels; the other pixels are skipped\n\
-         unknowns    {} texels, of which only those that painted rays reach are solved for\n\
+         unknowns    {} texels, of which only those that painted rays reach are solved for{}\n\
          non-zeros   about {}; {:.0} % of the rays' length over the map is in shadow and skipped\n\
          matrix      {} if kept, and {} for everything else; {} are allowed\n\
          strategy    {} ({:.0} % of the rows are kept)\n\
@@ -144,7 +150,14 @@ fn words(plan: &Plan) -> String {
         plan.views,
         plan.pixels,
         plan.rows,
-        plan.unknowns,
+        plan.unknowns - plan.surrounding_unknowns,
+        match plan.surrounding_unknowns {
+            0 => String::new(),
+            further => format!(
+                "; and {further} around them, for {} of shadow maps and weights",
+                job::mebibytes(plan.surrounding_bytes)
+            ),
+        },
         plan.nonzeros,
         100.0 * (1.0 - plan.lit_texels / plan.texels.max(f64::MIN_POSITIVE)),
         job::mebibytes(plan.matrix_bytes),

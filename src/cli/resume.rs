@@ -168,6 +168,13 @@ pub(super) fn of_light_map(scene: &Scene, problem: &LightMapProblem) -> u64 {
         hash.add(problem.maps.shadow_map.depth(k % width, k / width).to_bits().into());
     });
     scene.medium.sigma_t.iter().for_each(|number| hash.add(number.to_bits()));
+    if let Some(shown) = problem.traversal.surroundings() {
+        problem.further_start.iter().flatten().for_each(|number| hash.add(number.to_bits().into()));
+        for row in 0..problem.constraints.len() {
+            let further = (0..shown.further()).flat_map(|further| shown.weight(row, further));
+            further.chain(shown.reflected(row).sum()).for_each(|number| hash.add(number.to_bits().into()));
+        }
+    }
     hash.0
 }
 

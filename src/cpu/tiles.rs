@@ -2,7 +2,7 @@ use rayon::prelude::*;
 
 use super::rows::{Padded, padded};
 use crate::march::{Real, Weight, channel};
-use crate::operator::{Bounds, CpuVector, Metric, Scalars, TILE_SIDE as SIDE};
+use crate::operator::{Bounds, CpuVector, Metric, NOWHERE, Scalars, TILE_SIDE as SIDE};
 use crate::{Error, Result};
 
 /// Rows that are sorted by tile before the tiles add them up.
@@ -36,13 +36,15 @@ impl Tiling {
     }
 
     /// Tiles over a lattice of so many places along each of its axes, the first running fastest, and over copies of it
-    /// behind: `columns` are the unknowns among so many `elements`, and `at` their places.
+    /// behind: `columns` are the unknowns among so many `elements`, and `at` their places. Those that are [`NOWHERE`] share tiles in
+    /// their order.
     pub fn placed(size: &[usize], elements: usize, columns: &[u32], at: &[u32]) -> Self {
         // 64 members whatever the dimensions.
         let side = if size.len() > 2 { SIDE / 2 } else { SIDE };
         let mut places = vec![(u32::MAX, 0); elements];
         let mut numbers = std::collections::HashMap::new();
         let mut members: Vec<Vec<u32>> = Vec::new();
+        let mut without_place = 0;
         for ((&column, &place), unknown) in columns.iter().zip(at).zip(0u32..) {
             let (mut rest, mut tile, mut stride) = (place as usize, 0, 1);
             for &length in size {
@@ -51,7 +53,12 @@ impl Tiling {
                 rest /= length;
             }
             // What is left of the place counts the copies.
-            let number = numbers.entry(tile + rest * stride).or_insert(u32::MAX);
+            let mut key = tile + rest * stride;
+            if place == NOWHERE {
+                key = usize::MAX - without_place / (SIDE * SIDE);
+                without_place += 1;
+            }
+            let number = numbers.entry(key).or_insert(u32::MAX);
             if *number == u32::MAX {
                 *number = members.len() as u32;
                 members.push(Vec::with_capacity(SIDE * SIDE));

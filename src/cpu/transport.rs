@@ -169,9 +169,19 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     ) {
         let mut room = self.room();
         room.par_chunks_mut(PIECE).for_each(|sums| sums.fill([F::zero(); 4]));
+        let long = self.traversal.long_from();
         let add = |chunks: &[Chunk<F, C>], sums: &mut [Padded<F>]| {
             self.bands.split(sums).into_par_iter().enumerate().for_each(|(band, sums)| {
-                chunks.iter().for_each(|chunk| scatter(chunk, band, sums));
+                let short = long.saturating_sub(self.bands.range(band).start).min(sums.len());
+                let mut wide: Vec<[f64; 4]> = sums[short..].iter().map(|sum| sum.map(Real::wide)).collect();
+                for chunk in chunks {
+                    sums[short..].fill([F::zero(); 4]);
+                    scatter(chunk, band, sums);
+                    for (wide, sum) in wide.iter_mut().zip(&sums[short..]) {
+                        (0..4).for_each(|lane| wide[lane] += sum[lane].wide());
+                    }
+                }
+                sums[short..].iter_mut().zip(wide).for_each(|(sum, wide)| *sum = wide.map(F::of));
             });
         };
         add(&self.kept, &mut room);

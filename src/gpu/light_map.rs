@@ -11,7 +11,7 @@ use super::recorder::Binding;
 use super::vector::{GpuVector, MOST_WORKGROUPS, Slab};
 use super::walk::{Consumer, Walk};
 use super::walked::{Rays, Walked};
-use crate::march::LightMapTraversal;
+use crate::march::{LightMapTraversal, Traversal};
 use crate::scene::Quadrature;
 use crate::{Error, Result};
 
@@ -32,7 +32,7 @@ struct LightMapRays {
 
 impl Walked {
     /// Hands rays and shadow map of a light map over. `colored` media have one weight a channel; `deterministic` scatters give the
-    /// same bits every time.
+    /// same bits every time. What the rows show beside the texels along their rays is left to be added.
     ///
     /// Errors: [`Error::AdapterMemory`], [`Error::TooLarge`] for a shadow map that a kernel cannot see as a whole.
     pub fn light_map(
@@ -49,7 +49,7 @@ impl Walked {
             let most = |ray: &Ray| ray.strength.iter().copied().fold(0.0, f32::max);
             rays.iter().map(|ray| f64::from(most(ray)).powi(power)).sum()
         };
-        let (rows, elements) = (rays.len(), shared.light_map.len());
+        let (rows, elements) = (rays.len(), Traversal::<f64, 1>::elements(traversal));
         let accumulation = gpu.accumulation(deterministic);
         check_rounds(gpu, traversal, accumulation)?;
         let (depths, ranges, levels) = depths.pyramid(&shared.shadow_map);

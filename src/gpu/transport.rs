@@ -2,15 +2,17 @@ use super::rows::Kept;
 use super::vector::GpuVector;
 use super::walked::Walked;
 use crate::Result;
-use crate::operator::{LinearOperator, Product};
+use crate::operator::{Added, LinearOperator, Product};
 
-/// `T` on a device: kept, a product of what is kept, or walked again in every application.
+/// `T` on a device: kept, a product or a sum with what is kept, or walked again in every application.
 #[derive(Debug)]
 pub enum Transport {
     /// Rows and columns of non-zeros.
     Kept(Kept),
     /// Rays.
     Walked(Walked),
+    /// Rays over a light map, and what their rows show beside it.
+    Added(Box<Added<Walked, Kept>>),
     /// Light volumes, of what is kept.
     Product(Box<Product<Kept, Kept, Kept>>),
 }
@@ -20,6 +22,7 @@ impl Transport {
         match self {
             Self::Kept(kept) => kept,
             Self::Walked(walked) => walked,
+            Self::Added(added) => &**added,
             Self::Product(product) => &**product,
         }
     }

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::basis::{Bilinear, Nearest, Piece, Window};
 use super::visibility::{ShadowRay, clip};
-use super::{Real, Traversal, Weight, least};
+use super::{BesideRows, Real, Surroundings, Traversal, Weight, least};
 use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray, ShadowMap};
 
 /// A view ray in the frame of the light, up to the first surface.
@@ -71,19 +71,45 @@ pub struct RowExtent {
 /// Row k holds for texel i the weight `ρ f(θ) ∫₀ˢ σ_t e^{−σ_t t} V(t) vᵢ(t) dt`, with V the shadow map's
 /// visibility and vᵢ the basis (Kol 2017, eq. 1, with the σ_t and the step length that its `T[k, j]` leaves out).
 ///
-/// Shapes  rows: view rays; elements: texels of the light map, row by row
+/// Shapes  rows: view rays; elements: texels of the light map, row by row, then those of the [`Surroundings`]
 /// Units   weights: dimensionless a steradian (radiance of the picture per radiance of the map)
 /// Cost    one cell of the light map after the other along the lit stretches of a ray
 #[derive(Debug, Clone)]
 pub struct LightMapTraversal {
     transport: LightMapTransport,
     rays: Arc<[ViewRay]>,
+    surroundings: Option<Arc<Surroundings>>,
 }
 
 impl LightMapTraversal {
     /// The rows of `rays`.
     pub fn new(transport: LightMapTransport, rays: Arc<[ViewRay]>) -> Self {
-        Self { transport, rays }
+        Self { transport, rays, surroundings: None }
+    }
+
+    /// The same rows, which show these surroundings, too: elements behind the texels, one row of weights a ray.
+    pub fn among(self, surroundings: Arc<Surroundings>) -> Self {
+        Self { surroundings: Some(surroundings), ..self }
+    }
+
+    /// What the rows show beside the texels along their rays.
+    pub fn surroundings(&self) -> Option<&Arc<Surroundings>> {
+        self.surroundings.as_ref()
+    }
+
+    /// Its rows without what is along their rays; none where they show nothing else.
+    pub fn beside(&self) -> Option<BesideRows> {
+        let texels = self.transport.light_map.len();
+        self.surroundings.clone().map(|surroundings| BesideRows { surroundings, texels })
+    }
+
+    /// Every so many of its rows.
+    pub fn every(&self, stride: usize) -> Self {
+        Self {
+            transport: self.transport.clone(),
+            rays: self.rays.iter().step_by(stride).copied().collect(),
+            surroundings: self.surroundings.as_ref().map(|shown| Arc::new(shown.every(stride))),
+        }
     }
 
     /// The rays, one a row.
@@ -157,18 +183,27 @@ impl LightMapTraversal {
     }
 
     fn weight_between(&self, ray: &ViewRay, a: f64, b: f64) -> [f64; 3] {
-        let mut sum = [0.0; 3];
-        if a < b {
-            let sigma_t = self.transport.sigma_t;
-            shadow_ray::<f64>(ray, &self.transport.shadow_map).lit_stretches(a, b, |start, end| {
-                for c in 0..3 {
-                    let entering = (-sigma_t[c] * start).exp();
-                    sum[c] += entering * super::exponential::extinguished(sigma_t[c] * (end - start));
-                }
-            });
-        }
-        std::array::from_fn(|c| ray.scattering[c] * sum[c])
+        weight_between(ray, self.transport.sigma_t, &self.transport.shadow_map, [a, b])
     }
+}
+
+/// The weight of a light's scattered light from between a and b metres along a ray in its frame, where its shadow map lets it pass.
+pub fn weight_between(
+    ray: &ViewRay,
+    sigma_t: [f64; 3],
+    shadow_map: &ShadowMap,
+    [a, b]: [f64; 2],
+) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    if a < b {
+        shadow_ray::<f64>(ray, shadow_map).lit_stretches(a, b, |start, end| {
+            for c in 0..3 {
+                let entering = (-sigma_t[c] * start).exp();
+                sum[c] += entering * super::exponential::extinguished(sigma_t[c] * (end - start));
+            }
+        });
+    }
+    std::array::from_fn(|c| ray.scattering[c] * sum[c])
 }
 
 impl<F: Real, const C: usize> Traversal<F, C> for LightMapTraversal {
@@ -177,11 +212,29 @@ impl<F: Real, const C: usize> Traversal<F, C> for LightMapTraversal {
     }
 
     fn elements(&self) -> usize {
-        self.transport.light_map.len()
+        let further = self.surroundings.as_ref().map_or(0, |shown| shown.further());
+        self.transport.light_map.len() + further
+    }
+
+    fn long_from(&self) -> usize {
+        self.surroundings.as_ref().map_or(usize::MAX, |_| self.transport.light_map.len())
     }
 
     #[inline]
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
+        match &self.surroundings {
+            None => self.walk_texels(row, visit),
+            Some(shown) => {
+                let walk = |mut visit: &mut dyn FnMut(usize, Weight<F, C>)| self.walk_texels(row, &mut visit);
+                shown.walk(row, self.transport.light_map.len(), walk, visit);
+            }
+        }
+    }
+}
+
+impl LightMapTraversal {
+    #[inline]
+    fn walk_texels<F: Real, const C: usize>(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
         let ray = &self.rays[row];
         match self.transport.basis {
             Basis::Nearest => self.transport.walk::<F, C, Nearest<F, C>>(ray, self.end(ray), visit),

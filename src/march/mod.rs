@@ -6,11 +6,13 @@
 mod basis;
 mod exponential;
 mod light_map;
+mod surroundings;
 mod visibility;
 mod volume;
 
 pub use exponential::{SERIES_0, SERIES_2};
-pub use light_map::{LightMapTransport, LightMapTraversal, RowExtent, ViewRay};
+pub use light_map::{LightMapTransport, LightMapTraversal, RowExtent, ViewRay, weight_between};
+pub use surroundings::{BesideRows, Reflected, Surroundings};
 #[cfg(feature = "gpu")]
 pub(crate) use volume::{CellRay, Line};
 pub use volume::{
@@ -82,6 +84,11 @@ pub trait Traversal<F: Real, const C: usize>: Sync {
 
     /// The number of elements, reached or not.
     fn elements(&self) -> usize;
+
+    /// The first of the elements that nearly every row visits: sums over their columns are too long for f32. Most have none.
+    fn long_from(&self) -> usize {
+        usize::MAX
+    }
 
     /// Visits the non-zeros of a row; weights of elements that are not visited are zero.
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>));

@@ -3,6 +3,7 @@
 //! Everything is generic over the vectors, so one solver serves every backend. A vector holds three
 //! channels an element, and scalars come as one number a channel: three problems are solved side by side.
 
+mod added;
 mod adjoint;
 mod bounds;
 mod cpu_vector;
@@ -14,6 +15,7 @@ mod scaled;
 mod stacked;
 mod weighted;
 
+pub use added::Added;
 pub use adjoint::{AdjointTest, adjoint_test};
 pub use bounds::Bounds;
 pub use cpu_vector::CpuVector;

@@ -24,17 +24,18 @@ pub struct Neighbours {
 impl Neighbours {
     /// The lattice has so many elements along each axis, the first axis running fastest; `columns` are the places of the
     /// unknown ones, in any order and none twice. Places behind the lattice are in copies of it, which are no neighbours
-    /// of each other.
+    /// of each other. What is [`NOWHERE`] has no neighbours.
     ///
     /// Errors: [`Error::Value`] for places in more than two copies, or one that comes twice.
     pub fn new(size: &[usize], columns: &[u32]) -> Result<Self> {
         let total: usize = size.iter().product();
-        let last = columns.iter().max().map_or(0, |&last| last as usize);
+        let is_placed = |column: &&u32| **column != NOWHERE;
+        let last = columns.iter().filter(is_placed).max().map_or(0, |&last| last as usize);
         if last >= 2 * total {
             return Err(Error::value("columns", columns.len(), "indices of elements of the lattice"));
         }
         let mut unknown = vec![NOWHERE; if last < total { total } else { 2 * total }];
-        for (&column, index) in columns.iter().zip(0u32..) {
+        for (&column, index) in columns.iter().zip(0u32..).filter(|(column, _)| is_placed(column)) {
             if std::mem::replace(&mut unknown[column as usize], index) != NOWHERE {
                 return Err(Error::value("columns", column, "different elements"));
             }
@@ -44,7 +45,7 @@ impl Neighbours {
         let mut stride = 1;
         for &side in size {
             let (mut ends, mut begins) = (vec![NOWHERE; columns.len()], vec![NOWHERE; columns.len()]);
-            for (&column, tail) in columns.iter().zip(0u32..) {
+            for (&column, tail) in columns.iter().zip(0u32..).filter(|(column, _)| is_placed(column)) {
                 let place = column as usize;
                 if (place / stride) % side + 1 == side || unknown[place + stride] == NOWHERE {
                     continue;

@@ -14,7 +14,7 @@ const CONTESTED: f32 = 0.25;
 pub struct Match {
     /// Painted pixels.
     pub pixels: usize,
-    /// √(Σ w ‖L − L_target‖² / Σ w ‖L_target‖²), L the scattered radiance and w the painted alpha.
+    /// √(Σ w ‖L − L_target‖² / Σ w ‖L_target‖²), L the radiance that the paint is about and w its alpha.
     pub residual: f64,
     /// Mean angle between the hue shown and the hue painted, in degrees, over lit pixels whose paint has a hue.
     /// Grey counts as 90°, the mean over all hues that might have been meant.
@@ -40,7 +40,7 @@ pub struct Assessment {
     pub all: Match,
     /// View by view.
     pub views: Vec<Match>,
-    /// Scattered radiance of each row, that from outside the light map included.
+    /// Radiance of each row, that which is known included.
     pub shown: Vec<Rgb>,
 }
 
@@ -52,7 +52,7 @@ impl<'a, O: TransportOperator> Assessor<'a, O> {
         Ok(Self { problem, operator, contested: contested(problem, operator)? })
     }
 
-    /// Compares what the light map `x` (all texels) shows with the targets, over all rows and in each of `views` views.
+    /// Compares what the light map `x` (all elements) shows with the targets, over all rows and in each of `views` views.
     ///
     /// Cost: 1 application of T.
     pub fn assess(&self, x: &[Rgb], views: usize) -> Result<Assessment> {
@@ -133,14 +133,16 @@ fn contested(problem: &LightMapProblem, operator: &impl TransportOperator) -> Re
     let (cos, sin, all) = (arriving(f32::cos)?, arriving(f32::sin)?, arriving(|_| 1.0)?);
     let disputed = (0..all.len()).map(|texel| {
         let agreement = cos[texel].hypot(sin[texel]) / all[texel];
-        [if agreement < AGREED { 1.0 } else { 0.0 }; 3]
+        // What is behind the texels is one for all strokes, and none of them can have it alone.
+        let is_disputed = agreement < AGREED && texel < problem.maps.light_map.len();
+        [if is_disputed { 1.0 } else { 0.0 }; 3]
     });
     let shares = operator.shown(&disputed.collect::<Vec<Rgb>>())?;
     let sum = |row: Rgb| row.iter().map(|&value| f64::from(value)).sum::<f64>();
     let rows = shares.iter().enumerate();
     Ok(rows
         .map(|(row, &share)| {
-            let whole: f64 = problem.traversal.inside_weight(row).iter().sum();
+            let whole: f64 = problem.weight_of_texels(row).iter().sum();
             sum(share) > f64::from(CONTESTED) * whole
         })
         .collect())

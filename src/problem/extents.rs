@@ -1,9 +1,10 @@
 use std::sync::Arc;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::{Constraint, Surfaces, Traced};
+use super::surroundings::sky_beams;
+use super::{Constraint, SkyBeam, Surfaces, Traced};
 use crate::scene::{Extent, Grid, LightFrame, MapSettings, Ray, Scene, ShadowMap};
 use crate::{Error, Result};
 
@@ -23,12 +24,28 @@ pub struct Maps {
     pub light_map: Grid,
     /// The shadow map.
     pub shadow_map: Arc<ShadowMap>,
+    /// Where the lights of the sky come from; none where they are not looked for.
+    pub sky: Arc<[SkyBeam]>,
 }
 
-/// Fits the maps to what is seen where the scene does not set them, and renders the shadow map.
+/// What view rays pass through: of each where it begins and where it no longer counts.
+#[derive(Debug, Default)]
+pub(super) struct Sight(Vec<[DVec3; 2]>);
+
+impl Sight {
+    /// Its shadow on the plane of a light.
+    pub(super) fn over(&self, frame: &LightFrame) -> Extent {
+        self.0.iter().flatten().fold(Extent::NOTHING, |extent, &point| {
+            let p = frame.light_from_world(point);
+            extent.include(DVec2::new(p.x, p.y))
+        })
+    }
+}
+
+/// Fits the maps to what is seen where the scene does not set them, and renders the shadow maps.
 ///
 /// The light map covers the rays through painted pixels (of a scene without any, what all views see), the shadow
-/// map what all views see; both only as far as there is geometry to cast a shadow.
+/// maps what all views see; all only as far as there is geometry to cast a shadow.
 pub fn fit(scene: &Scene) -> Result<Maps> {
     let painted = super::constraints(scene).map(|(painted, _)| painted);
     let constraints = match painted {
@@ -46,27 +63,50 @@ pub(super) fn fit_to(
     surfaces: &dyn Surfaces,
 ) -> Result<Maps> {
     let frame = scene.light.frame();
-    let occluded = scene.geometry.mesh().positions.iter().fold(Extent::NOTHING, |extent, &point| {
-        let p = frame.light_from_world(point);
-        extent.include(DVec2::new(p.x, p.y))
-    });
-    let painted = constraints
-        .par_iter()
-        .zip(lengths)
-        .map(|(pixel, &length)| {
-            let camera = &scene.views[pixel.view].camera;
-            seen_along(scene, &frame, &camera.pixel_ray(pixel.x, pixel.y), length)
-        })
-        .reduce(|| Extent::NOTHING, Extent::union);
-    let seen = seen_by_views(scene, &frame).union(painted);
-    let light_map = grid(&scene.light_map, if constraints.is_empty() { seen } else { painted }, occluded)?;
+    let occluded = occluded(scene, &frame);
+    let painted = Sight(
+        constraints
+            .par_iter()
+            .zip(lengths)
+            .map(|(pixel, &length)| {
+                let camera = &scene.views[pixel.view].camera;
+                seen_along(scene, &camera.pixel_ray(pixel.x, pixel.y), length)
+            })
+            .collect(),
+    );
+    let mut sight = seen_by_views(scene);
+    sight.0.extend_from_slice(&painted.0);
+    let seen = sight.over(&frame);
+    let over_light = if constraints.is_empty() { seen } else { painted.over(&frame) };
+    let light_map = grid(&scene.light_map, over_light, occluded)?;
     let shadow_grid = grid(&scene.shadow_map, seen, occluded)?;
     let shadow_map = if occluded.has_area() {
         surfaces.shadow_map(scene, &frame, shadow_grid)?
     } else {
         ShadowMap::open(shadow_grid)
     };
-    Ok(Maps { frame, light_map, shadow_map: Arc::new(shadow_map) })
+    let sky = sky_beams(scene, &sight)?;
+    Ok(Maps { frame, light_map, shadow_map: Arc::new(shadow_map), sky })
+}
+
+/// Where a shadow map along some frame lies; none where nothing casts a shadow.
+pub(super) fn shadow_grid(
+    scene: &Scene,
+    sight: &Sight,
+    frame: &LightFrame,
+    size: [usize; 2],
+) -> Result<Option<Grid>> {
+    let occluded = occluded(scene, frame);
+    let settings = MapSettings { size, extent: None };
+    occluded.has_area().then(|| grid(&settings, sight.over(frame), occluded)).transpose()
+}
+
+/// The box around all vertices, along a light.
+fn occluded(scene: &Scene, frame: &LightFrame) -> Extent {
+    scene.geometry.mesh().positions.iter().fold(Extent::NOTHING, |extent, &point| {
+        let p = frame.light_from_world(point);
+        extent.include(DVec2::new(p.x, p.y))
+    })
 }
 
 fn grid(settings: &MapSettings, seen: Extent, occluded: Extent) -> Result<Grid> {
@@ -79,7 +119,7 @@ fn grid(settings: &MapSettings, seen: Extent, occluded: Extent) -> Result<Grid> 
     Grid::new(settings.extent.unwrap_or_else(fitted), settings.size)
 }
 
-fn seen_by_views(scene: &Scene, frame: &LightFrame) -> Extent {
+fn seen_by_views(scene: &Scene) -> Sight {
     let pixels: Vec<(usize, usize, usize)> = scene
         .views
         .iter()
@@ -90,23 +130,17 @@ fn seen_by_views(scene: &Scene, frame: &LightFrame) -> Extent {
             along(height).flat_map(move |y| along(width).map(move |x| (view, x, y)))
         })
         .collect();
-    pixels
-        .into_par_iter()
-        .map(|(view, x, y)| {
-            let ray = scene.views[view].camera.pixel_ray(x, y);
-            let length =
-                scene.geometry.first_hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |hit| hit.distance);
-            seen_along(scene, frame, &ray, length)
-        })
-        .reduce(|| Extent::NOTHING, Extent::union)
+    let seen = |(view, x, y): (usize, usize, usize)| {
+        let ray = scene.views[view].camera.pixel_ray(x, y);
+        let length = scene.geometry.first_hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |hit| hit.distance);
+        seen_along(scene, &ray, length)
+    };
+    Sight(pixels.into_par_iter().map(seen).collect())
 }
 
-/// The shadow of a view ray on the plane of the light.
-fn seen_along(scene: &Scene, frame: &LightFrame, ray: &Ray, length: f64) -> Extent {
+/// Where a view ray begins and where it no longer counts.
+fn seen_along(scene: &Scene, ray: &Ray, length: f64) -> [DVec3; 2] {
     let bound = if length.is_finite() { scene.solve.transmittance_bound } else { FADED };
     let end = length.min(scene.medium.reach(bound));
-    [0.0, end].into_iter().fold(Extent::NOTHING, |extent, t| {
-        let p = frame.light_from_world(ray.at(t));
-        extent.include(DVec2::new(p.x, p.y))
-    })
+    [ray.at(0.0), ray.at(end)]
 }

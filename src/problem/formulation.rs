@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use crate::operator::{Bounds, Scalars};
+use crate::operator::{Bounds, NOWHERE, Scalars};
 use crate::scene::{Rgb, SolveSettings};
 use crate::{Error, Result};
 
@@ -41,6 +41,8 @@ pub struct Steering {
 pub enum Start<'a> {
     /// The same for so many elements.
     Everywhere(Rgb, usize),
+    /// The same for so many, then one for each of the others.
+    Then(Rgb, usize, &'a [Rgb]),
     /// One an element.
     Each(&'a [Rgb]),
 }
@@ -50,6 +52,7 @@ impl Start<'_> {
     pub fn len(&self) -> usize {
         match self {
             Self::Everywhere(_, len) => *len,
+            Self::Then(_, first, others) => first + others.len(),
             Self::Each(start) => start.len(),
         }
     }
@@ -63,6 +66,10 @@ impl Start<'_> {
     pub fn of(&self, element: usize) -> Rgb {
         match self {
             Self::Everywhere(start, _) => *start,
+            Self::Then(start, first, others) => match element.checked_sub(*first) {
+                None => *start,
+                Some(other) => others[other],
+            },
             Self::Each(start) => start[element],
         }
     }
@@ -78,14 +85,27 @@ impl Start<'_> {
 pub struct Lattice<'a> {
     /// Places along each axis, the first running fastest; two quantities are two such lattices, one behind the other.
     pub size: &'a [usize],
-    /// The place of each element; none where they are the places in order.
+    /// The place of each element; none where they are the places in order, and then elements behind the last one have no place.
     pub places: Option<&'a [u32]>,
 }
 
 impl Lattice<'_> {
-    /// The place of an element.
+    /// The place of an element; [`NOWHERE`] where it has none, and no neighbours.
     pub fn place(&self, element: u32) -> u32 {
-        self.places.map_or(element, |places| places[element as usize])
+        match self.places {
+            Some(places) => places[element as usize],
+            None if (element as usize) < self.len() => element,
+            None => NOWHERE,
+        }
+    }
+
+    /// The elements of a problem that have a place, before those that have none.
+    pub fn placed(&self, elements: usize) -> usize {
+        if self.places.is_some() { elements } else { elements.min(self.len()) }
+    }
+
+    fn len(&self) -> usize {
+        self.size.iter().product()
     }
 }
 

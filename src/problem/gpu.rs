@@ -6,7 +6,7 @@ use super::{HostOperator, LightMapProblem, TransportOperator, VolumeProblem};
 use crate::cpu::{self, Storage, TileMetric, Tiling, WalkPlan};
 use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, RowTable, Transport, Walked};
 use crate::march::{LightMapTraversal, Traversal, VolumeTraversal, Weight};
-use crate::operator::{CpuVector, LinearOperator, Metric, Product};
+use crate::operator::{Added, CpuVector, LinearOperator, Metric, Product};
 use crate::scene::Strategy;
 use crate::{Error, Result};
 
@@ -44,13 +44,21 @@ impl GpuOperator<LightMapTraversal> {
             gpu,
             &Rows {
                 count: problem.constraints.len(),
-                elements: problem.maps.light_map.len(),
+                elements: problem.elements(),
                 channels: if colored { 3 } else { 1 },
                 plan: &problem.plan,
             },
             (strategy, budget),
             &|strategy, budget| problem.operator_with(strategy, budget),
-            || Ok(Transport::Walked(Walked::light_map(gpu, &problem.traversal, colored, deterministic)?)),
+            || {
+                let rows = &problem.traversal;
+                let walked = Walked::light_map(gpu, rows, colored, deterministic)?;
+                let Some(beside) = rows.beside() else { return Ok(Transport::Walked(walked)) };
+                let beside =
+                    if colored { table(&Walk::<_, 3>(&beside)) } else { table(&Walk::<_, 1>(&beside)) };
+                let beside = Kept::new(gpu, beside, problem.elements())?;
+                Ok(Transport::Added(Box::new(Added::new(walked, beside)?)))
+            },
         )
     }
 }
@@ -223,6 +231,7 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
         match &self.transport {
             Transport::Kept(_) | Transport::Product(_) => true,
             Transport::Walked(walked) => walked.accumulation() == Accumulation::Fixed,
+            Transport::Added(added) => added.terms().0.accumulation() == Accumulation::Fixed,
         }
     }
 }
@@ -299,8 +308,8 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> TransportOperator for GpuOperator
         match &self.transport {
             Transport::Kept(kept) => kept.squares(&y, &mut x)?,
             Transport::Walked(walked) => walked.squares(&y, &mut x)?,
-            // The squares of a product are no product of squares; the processor walks its rows once.
-            Transport::Product(_) => return self.rows.squares(weights),
+            // The squares of a product or a sum are not those of its parts; the processor walks its rows once.
+            Transport::Product(_) | Transport::Added(_) => return self.rows.squares(weights),
         }
         Ok(CpuVector(fetched(&x)?))
     }

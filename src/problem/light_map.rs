@@ -3,18 +3,20 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::extents::fit_to;
+use super::surroundings::Shown;
 use super::transport::LightMapOperator;
 use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints};
 use crate::cpu::WalkPlan;
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use crate::operator::CpuVector;
+use crate::operator::{Bounds, CpuVector};
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
 use crate::{Error, Result};
 
 /// The painted pixels of a scene as rows, and what they should become.
 ///
 /// The model is `scattered light = T x + surroundings`: x are the texels of the light map; outside the map the
-/// light keeps its own radiance, which gives each row a constant share.
+/// light keeps its own radiance, which gives each row a constant share. Where the scene looks for its surroundings, too, they
+/// are elements behind the texels, and a row is all that is seen: what surfaces show as well as what is scattered.
 #[derive(Debug)]
 pub struct LightMapProblem {
     /// The rows.
@@ -25,13 +27,15 @@ pub struct LightMapProblem {
     pub maps: Maps,
     /// The rows of T.
     pub traversal: LightMapTraversal,
-    /// The scattered radiance that each row should have, without its surroundings: b. It is negative where the
+    /// The radiance that each row should have, without its surroundings: b. It is negative where the
     /// surroundings alone are too bright.
     pub targets: Vec<Rgb>,
-    /// The scattered radiance of each row that comes from outside the light map.
+    /// The radiance of each row that is known: what comes from outside the light map and is not looked for.
     pub surroundings: Vec<Rgb>,
     /// What the light map starts from: the radiance of the light.
     pub start: Rgb,
+    /// What the elements behind the texels start from: the sun, where it is looked for, then the lights of the sky.
+    pub further_start: Vec<Rgb>,
     /// What walking the rows will take.
     pub plan: WalkPlan,
     grey: bool,
@@ -60,41 +64,71 @@ impl LightMapProblem {
             .collect();
         let traversal = LightMapTraversal::new(transport(scene, &maps, scene.solve.quadrature), rays);
         let start = scene.light.radiance;
-        let white = luminance(start);
-        let shares: Vec<[[f64; 3]; 2]> = (0..constraints.len())
-            .into_par_iter()
-            .map(|row| [traversal.lit_weight(row), traversal.surrounding_weight(row)])
-            .collect();
-        if shares.iter().all(|share| !passes_the_map(share)) {
-            let count = constraints.len();
-            let dark = shares.iter().all(|[lit, _]| *lit == [0.0; 3]);
-            return Err(Error::Empty {
-                reason: if dark {
-                    format!("every one of the {count} painted pixels is in shadow")
-                } else {
-                    format!(
-                        "the {count} painted pixels get light only from beside the light map, the rest is in shadow"
-                    )
-                },
-                remedy: "paint where light shafts are seen, turn the light, or set light_map.extent",
-            });
-        }
-        let surroundings: Vec<Rgb> =
-            shares.iter().map(|[_, outside]| rgb(|c| outside[c] as f32 * start[c])).collect();
+        let Rows { traversal, surroundings, white } =
+            match Shown::new(scene, &maps, &constraints, &traversal)? {
+                None => scattered(traversal, start)?,
+                Some(Shown { surroundings, known, white }) => {
+                    Rows { traversal: traversal.among(Arc::new(surroundings)), surroundings: known, white }
+                }
+            };
         let targets = constraints
             .iter()
-            .zip(&shares)
+            .zip(&white)
             .zip(&surroundings)
-            .map(|((pixel, [lit, _]), around)| {
+            .map(|((pixel, white), around)| {
                 rgb(|c| match scene.target {
-                    Target::Tint => pixel.color[c] * (lit[c] as f32 * white) - around[c],
+                    Target::Tint => pixel.color[c] * white[c] - around[c],
                     Target::Radiance => pixel.color[c] - around[c],
                 })
             })
             .collect();
-        let grey = scene.medium.is_grey();
+        let grey = scene.medium.is_grey() && traversal.surroundings().is_none_or(|shown| shown.is_grey());
         let plan = plan(&traversal, grey);
-        Ok(Self { constraints, paintings, maps, traversal, targets, surroundings, start, plan, grey })
+        let further_start = scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(start));
+        Ok(Self {
+            constraints,
+            paintings,
+            maps,
+            traversal,
+            targets,
+            surroundings,
+            start,
+            further_start,
+            plan,
+            grey,
+        })
+    }
+
+    /// What all elements start from: the texels, then those behind them.
+    pub fn starts(&self) -> Vec<Rgb> {
+        self.all_starts().to_vec()
+    }
+
+    fn all_starts(&self) -> Start<'_> {
+        Start::Then(self.start, self.maps.light_map.len(), &self.further_start)
+    }
+
+    /// The number of elements.
+    pub fn elements(&self) -> usize {
+        self.maps.light_map.len() + self.further_start.len()
+    }
+
+    /// The texels among all elements, and those behind them.
+    pub fn parted<'a>(&self, elements: &'a [Rgb]) -> [&'a [Rgb]; 2] {
+        let (texels, further) = elements.split_at(self.maps.light_map.len().min(elements.len()));
+        [texels, further]
+    }
+
+    /// The weight of all texels on a row together.
+    pub fn weight_of_texels(&self, row: usize) -> [f64; 3] {
+        let along = self.traversal.inside_weight(row);
+        match self.traversal.surroundings() {
+            None => along,
+            Some(shown) => {
+                let reflected = shown.reflected(row).sum();
+                std::array::from_fn(|c| along[c] + f64::from(reflected[c]))
+            }
+        }
     }
 
     /// T, with as much of it kept as `scene.solve` and `budget` bytes allow.
@@ -109,7 +143,7 @@ impl LightMapProblem {
         LightMapOperator::new(self.traversal.clone(), self.grey, &self.plan, strategy, budget)
     }
 
-    /// The scattered radiance that a row should have, that from outside the light map included.
+    /// The radiance that a row should have, all told.
     pub fn wanted(&self, row: usize) -> Rgb {
         rgb(|c| self.targets[row][c] + self.surroundings[row][c])
     }
@@ -130,8 +164,7 @@ impl LightMapProblem {
         fn every<T: Clone>(values: &[T], stride: usize) -> Vec<T> {
             values.iter().step_by(stride).cloned().collect()
         }
-        let rays = every(self.traversal.rays(), stride).into();
-        let traversal = LightMapTraversal::new(self.traversal.transport().clone(), rays);
+        let traversal = self.traversal.every(stride);
         Self {
             constraints: every(&self.constraints, stride),
             paintings: self.paintings.clone(),
@@ -139,6 +172,7 @@ impl LightMapProblem {
             targets: every(&self.targets, stride),
             surroundings: every(&self.surroundings, stride),
             start: self.start,
+            further_start: self.further_start.clone(),
             plan: plan(&traversal, self.grey),
             grey: self.grey,
             traversal,
@@ -170,13 +204,52 @@ impl LightMapProblem {
             targets: &self.targets,
             weights: self.weights().0.into(),
             wanted,
-            start: Start::Everywhere(self.start, self.maps.light_map.len()),
+            start: self.all_starts(),
             lattice: Lattice { size: &self.maps.light_map.size, places: None },
-            bounds: Formulation::bounds_of(settings)?,
+            bounds: match Formulation::bounds_of(settings)? {
+                of_texels if self.further_start.is_empty() || !settings.solver.keeps_bounds() => of_texels,
+                of_texels => of_texels.then(self.maps.light_map.len(), Bounds::NOT_NEGATIVE),
+            },
             steering: None,
             remedy: "raise medium.sigma_t or medium.albedo",
         })
     }
+}
+
+/// What the rows are, and what of them is known.
+struct Rows {
+    traversal: LightMapTraversal,
+    surroundings: Vec<Rgb>,
+    /// What is seen under a white light as bright as the light is.
+    white: Vec<Rgb>,
+}
+
+/// Rows of scattered light alone.
+fn scattered(traversal: LightMapTraversal, start: Rgb) -> Result<Rows> {
+    let count = traversal.rays().len();
+    let shares: Vec<[[f64; 3]; 2]> = (0..count)
+        .into_par_iter()
+        .map(|row| [traversal.lit_weight(row), traversal.surrounding_weight(row)])
+        .collect();
+    if shares.iter().all(|share| !passes_the_map(share)) {
+        let dark = shares.iter().all(|[lit, _]| *lit == [0.0; 3]);
+        return Err(Error::Empty {
+            reason: if dark {
+                format!("every one of the {count} painted pixels is in shadow")
+            } else {
+                format!(
+                    "the {count} painted pixels get light only from beside the light map, the rest is in shadow"
+                )
+            },
+            remedy: "paint where light shafts are seen, turn the light, or set light_map.extent",
+        });
+    }
+    let brightness = luminance(start);
+    Ok(Rows {
+        traversal,
+        surroundings: shares.iter().map(|[_, outside]| rgb(|c| outside[c] as f32 * start[c])).collect(),
+        white: shares.iter().map(|[lit, _]| rgb(|c| lit[c] as f32 * brightness)).collect(),
+    })
 }
 
 /// Whether more than rounding is left of a row's lit weight without what comes from beside the map.

@@ -15,6 +15,7 @@ mod rasterized;
 mod render;
 mod solution;
 mod surfaces;
+mod surroundings;
 mod system;
 mod transport;
 mod volume;
@@ -35,6 +36,7 @@ pub use rasterized::Rasterized;
 pub use render::{Rendering, render};
 pub use solution::{Paused, Snapshot, Solved, SystemOperator, measure, method, minimize, solve, vectors};
 pub use surfaces::{Surfaces, Traced};
+pub use surroundings::SkyBeam;
 pub use system::{System, Weights};
 pub use transport::{HostOperator, LightMapOperator, TransportOperator};
 pub use volume::{

@@ -1,13 +1,13 @@
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::Maps;
 use super::light_map::{rgb, transport};
+use super::surroundings::{Corners, Seen};
 use crate::cpu;
 use crate::march::{LightMapTraversal, ViewRay};
-use crate::scene::{Basis, Grid, Hit, Image, Ray, Rgb, Scene, ShadowMap};
+use crate::scene::{Image, Rgb, Scene, ShadowMap};
 use crate::{Error, Result};
 
 /// Rows of pixels whose rays are held at once.
@@ -22,14 +22,16 @@ pub struct Rendering {
     pub after: Image,
 }
 
-/// Renders view `view` with the light's own radiance and with the texels of a light map.
+/// Renders view `view` with the light's own radiance and with the texels of a light map, or with all elements of a problem: behind the
+/// texels those of the scene's surroundings, which else are as they start.
 ///
 /// Scattered light is that of the operator that is solved with, over all pixels. To it come surfaces (diffuse, lit by
-/// the sun where nothing blocks it and by the ambient light) and the ambient light that the medium
-/// scatters, so that pictures can be read.
+/// the sun and the lights of the sky where nothing blocks them, and by the ambient light), what the medium scatters of those lights,
+/// and the ambient light that it scatters, so that pictures can be read.
 ///
 /// Errors: [`Error::Shape`] for a light map of another size, [`Error::NonFinite`] naming the pixel.
-/// Cost    two walks a pixel: one through lit stretches, one through texels that differ from the light's radiance
+/// Cost    two walks a pixel: one through lit stretches, one through texels that differ from the light's radiance; and one through lit
+///         stretches for every light of the sky that is not dark
 pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize) -> Result<Rendering> {
     let changed = light_map.map(|texels| Changed::new(scene, maps, texels)).transpose()?;
     let camera = &scene.views[view].camera;
@@ -37,12 +39,9 @@ pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize
     let mut pixels: Vec<[Rgb; 2]> = Vec::with_capacity(width * height);
     for first in (0..width * height).step_by(PIXELS_AT_ONCE) {
         let indices = first..(first + PIXELS_AT_ONCE).min(width * height);
-        let seen: Vec<(Ray, Option<Hit>)> = indices
+        let seen: Vec<Seen> = indices
             .into_par_iter()
-            .map(|index| {
-                let ray = camera.pixel_ray(index % width, index / width);
-                (ray, scene.geometry.first_hit(&ray, f64::INFINITY))
-            })
+            .map(|index| Seen::along(scene, camera.pixel_ray(index % width, index / width)))
             .collect();
         pixels.extend(render_pixels(scene, maps, changed.as_ref(), &seen));
     }
@@ -54,21 +53,31 @@ pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize
     Ok(Rendering { before: picture(0)?, after: picture(1)? })
 }
 
-/// A light map as its difference to the light's own radiance.
+/// A light map, and what is behind its texels, as their difference to the light as it starts.
 struct Changed {
     difference: Vec<Rgb>,
     /// Where the difference is not zero, one texel of the basis' support around it included.
     mask: Arc<ShadowMap>,
+    /// Of the sun outside the light map.
+    sun: Rgb,
+    /// Of the lights of the sky.
+    sky: Vec<Rgb>,
 }
 
 impl Changed {
-    fn new(scene: &Scene, maps: &Maps, texels: &[Rgb]) -> Result<Self> {
+    fn new(scene: &Scene, maps: &Maps, elements: &[Rgb]) -> Result<Self> {
         let grid = maps.light_map;
-        if texels.len() != grid.len() {
-            return Err(Error::Shape { what: "the light map", expected: grid.len(), got: texels.len() });
+        let further_start =
+            scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(scene.light.radiance));
+        let expected = grid.len() + if elements.len() == grid.len() { 0 } else { further_start.len() };
+        if elements.len() != expected {
+            return Err(Error::Shape { what: "the light map", expected, got: elements.len() });
         }
+        let (texels, further) = elements.split_at(grid.len());
         let start = scene.light.radiance;
         let difference: Vec<Rgb> = texels.iter().map(|texel| rgb(|c| texel[c] - start[c])).collect();
+        let further = further.iter().zip(&further_start);
+        let further: Vec<Rgb> = further.map(|(found, start)| rgb(|c| found[c] - start[c])).collect();
         let [width, height] = grid.size;
         let mut near = vec![false; grid.len()];
         for (index, _) in difference.iter().enumerate().filter(|(_, change)| **change != [0.0; 3]) {
@@ -77,20 +86,21 @@ impl Changed {
                 near[j * width + i.saturating_sub(1)..j * width + (i + 2).min(width)].fill(true);
             }
         }
-        Ok(Self { difference, mask: Arc::new(ShadowMap::mask(grid, &near)?) })
+        let around = scene.surroundings.as_ref();
+        Ok(Self {
+            difference,
+            mask: Arc::new(ShadowMap::mask(grid, &near)?),
+            sun: around.and_then(|it| it.sun_of(&further)).unwrap_or_default(),
+            sky: around.map_or(Vec::new(), |it| it.sky_of(&further).to_vec()),
+        })
     }
 }
 
 /// Before and after of some pixels.
-fn render_pixels(
-    scene: &Scene,
-    maps: &Maps,
-    changed: Option<&Changed>,
-    seen: &[(Ray, Option<Hit>)],
-) -> Vec<[Rgb; 2]> {
+fn render_pixels(scene: &Scene, maps: &Maps, changed: Option<&Changed>, seen: &[Seen]) -> Vec<[Rgb; 2]> {
     let rays: Arc<[ViewRay]> = seen
         .iter()
-        .map(|(ray, hit)| {
+        .map(|Seen { ray, hit }| {
             let length = hit.map_or(f64::INFINITY, |hit| hit.distance);
             ViewRay::new(ray, length, &maps.frame, &scene.medium)
         })
@@ -99,26 +109,58 @@ fn render_pixels(
     transport.mask = changed.map(|changed| changed.mask.clone());
     let traversal = LightMapTraversal::new(transport, rays);
     let start = scene.light.radiance;
+    let sky = scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()).map_or(&[][..], |sky| &sky.start);
     (0..seen.len())
         .into_par_iter()
         .map(|row| {
-            let (ray, hit) = &seen[row];
-            let ambient = ambient(scene, hit.as_ref());
-            let sun = hit.as_ref().and_then(|hit| sunlight(scene, ray, hit));
+            let of_ambient = seen[row].of_ambient(scene);
+            let sun = seen[row].reflected(scene, -scene.light.direction);
             let lit = traversal.lit_weight(row);
+            let of_sky = OfSky::new(scene, maps, &seen[row], [sky, changed.map_or(&[], |it| &it.sky)]);
+            let around = of_sky.shown(sky);
             let before = rgb(|c| {
-                ambient[c] + lit[c] as f32 * start[c] + sun.map_or(0.0, |(_, share)| share[c] * start[c])
+                let known = scene.ambient[c] * of_ambient[c] + lit[c] as f32 * start[c];
+                known + sun.map_or(0.0, |(_, share)| share[c] * start[c]) + around[c]
             });
-            let Some(Changed { difference, .. }) = changed else { return [before; 2] };
-            let scattered = gather(scene, &traversal, row, difference);
-            let incident =
-                sun.map(|(point, share)| (share, lookup(maps, scene.solve.basis, difference, point)));
+            let Some(changed) = changed else { return [before; 2] };
+            let scattered = gather(scene, &traversal, row, &changed.difference);
+            let incident = sun.map(|(point, share)| {
+                let corners = Corners::around(maps, scene.solve.basis, point);
+                (share, corners.map_or(changed.sun, |corners| corners.value(&changed.difference)))
+            });
+            let outside = match changed.sun {
+                [0.0, 0.0, 0.0] => [0.0; 3],
+                _ => traversal.surrounding_weight(row),
+            };
+            let around = of_sky.shown(&changed.sky);
             let after = rgb(|c| {
-                before[c] + scattered[c] + incident.map_or(0.0, |(share, light)| share[c] * light[c])
+                let by_texels = before[c] + scattered[c];
+                by_texels
+                    + incident.map_or(0.0, |(share, light)| share[c] * light[c])
+                    + outside[c] as f32 * changed.sun[c]
+                    + around[c]
             });
             [before, after]
         })
         .collect()
+}
+
+/// What a pixel shows of the lights of the sky that are not dark.
+struct OfSky(Vec<[f64; 3]>);
+
+impl OfSky {
+    fn new(scene: &Scene, maps: &Maps, seen: &Seen, colors: [&[Rgb]; 2]) -> Self {
+        let is_dark =
+            |light: usize| colors.iter().all(|of| of.get(light).is_none_or(|color| *color == [0.0; 3]));
+        Self(seen.of_sky(scene, maps, |light| !is_dark(light)))
+    }
+
+    fn shown(&self, colors: &[Rgb]) -> Rgb {
+        let sum = |c: usize| {
+            self.0.iter().zip(colors).map(|(weight, color)| weight[c] * f64::from(color[c])).sum::<f64>()
+        };
+        rgb(|c| sum(c) as f32)
+    }
 }
 
 fn gather(scene: &Scene, traversal: &LightMapTraversal, row: usize, texels: &[Rgb]) -> Rgb {
@@ -126,62 +168,5 @@ fn gather(scene: &Scene, traversal: &LightMapTraversal, row: usize, texels: &[Rg
         cpu::gather::<f32, 1>(traversal, row, texels)
     } else {
         cpu::gather::<f32, 3>(traversal, row, texels)
-    }
-}
-
-/// Ambient light that the medium scatters towards the eye, and that the surface behind it reflects.
-fn ambient(scene: &Scene, hit: Option<&Hit>) -> Rgb {
-    let transmittance = hit.map_or([0.0; 3], |hit| scene.medium.transmittance(hit.distance));
-    rgb(|c| {
-        let surface = hit.map_or(0.0, |hit| hit.albedo[c]);
-        let medium = scene.medium.albedo[c] as f32;
-        scene.ambient[c] * (medium + transmittance[c] as f32 * (surface - medium))
-    })
-}
-
-/// Where the sun meets a surface, and the radiance towards the eye per radiance of the sun; none in shadow.
-///
-/// The sun's radiance is taken over one steradian, as the scattering integral takes it.
-fn sunlight(scene: &Scene, ray: &Ray, hit: &Hit) -> Option<(DVec3, Rgb)> {
-    let cosine = -hit.normal.dot(scene.light.direction);
-    if cosine <= 0.0 {
-        return None;
-    }
-    let point = ray.at(hit.distance);
-    let lifted = point + hit.normal * (1e-4 * (1.0 + hit.distance));
-    let towards_sun = Ray { origin: lifted, direction: -scene.light.direction };
-    if scene.geometry.blocks(&towards_sun, f64::INFINITY) {
-        return None;
-    }
-    let transmittance = scene.medium.transmittance(hit.distance);
-    Some((
-        point,
-        rgb(|c| (f64::from(hit.albedo[c]) * cosine / std::f64::consts::PI * transmittance[c]) as f32),
-    ))
-}
-
-/// The texels' value at a world-space point; zero outside them.
-fn lookup(maps: &Maps, basis: Basis, texels: &[Rgb], point: DVec3) -> Rgb {
-    let grid: &Grid = &maps.light_map;
-    let p = maps.frame.light_from_world(point);
-    let p = grid.grid_from_light(DVec2::new(p.x, p.y));
-    let size = DVec2::new(grid.size[0] as f64, grid.size[1] as f64);
-    if p.cmplt(DVec2::ZERO).any() || p.cmpge(size).any() {
-        return [0.0; 3];
-    }
-    let texel = |x: f64, y: f64| texels[y as usize * grid.size[0] + x as usize];
-    match basis {
-        Basis::Nearest => texel(p.x, p.y),
-        Basis::Bilinear => {
-            let q = (p - 0.5).clamp(DVec2::ZERO, size - 1.0);
-            let (low, high) = (q.floor(), (q.floor() + 1.0).min(size - 1.0));
-            let f = (q - low).as_vec2();
-            let row = |y: f64| {
-                let (a, b) = (texel(low.x, y), texel(high.x, y));
-                rgb(|c| a[c] + f.x * (b[c] - a[c]))
-            };
-            let (a, b) = (row(low.y), row(high.y));
-            rgb(|c| a[c] + f.y * (b[c] - a[c]))
-        }
     }
 }

@@ -77,13 +77,20 @@ pub fn solve(
 ) -> Result<Solved> {
     let formulation = problem.formulation(settings)?;
     let mut solved = minimize(&formulation, operator, coverage, settings, resumed, each)?;
+    let texels = problem.maps.light_map.len();
     if let Some(index) = not_finite(&solved.x) {
         let width = problem.maps.light_map.size[0];
-        let place = format!("texel ({}, {})", index % width, index / width);
-        return Err(Error::NonFinite { what: "the light map".to_owned(), place });
+        let (what, place) = match index.checked_sub(texels) {
+            None => ("the light map", format!("texel ({}, {})", index % width, index / width)),
+            Some(further) => ("the light around it", format!("unknown {further}")),
+        };
+        return Err(Error::NonFinite { what: what.to_owned(), place });
     }
     if settings.fill {
-        solved.x = fill(problem, &solved.columns, solved.x)?;
+        let further = solved.x.split_off(texels);
+        let reached = solved.columns.partition_point(|&column| (column as usize) < texels);
+        solved.x = fill(problem, &solved.columns[..reached], solved.x)?;
+        solved.x.extend(further);
     }
     Ok(solved)
 }

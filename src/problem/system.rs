@@ -37,6 +37,8 @@ pub struct System<'a, V: Indexed> {
     norm: f64,
     /// λ of the divided rows.
     weights: Weights,
+    /// λ of the unknowns that have no place in the lattice, relative to that of the others.
+    unplaced: f64,
     metric: Option<Box<dyn Metric<V>>>,
     applications: usize,
 }
@@ -146,7 +148,13 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
                 remedy: problem.remedy,
             });
         }
-        let norm = mean_squared_column_norm(coverage, columns.len()).sqrt();
+        // Columns of what has no place are of another kind, and may be far longer: each kind has a λ relative to its own.
+        let placed = problem.lattice.placed(problem.start.len());
+        let [of_lattice, of_others] = mean_squared_column_norms(coverage, placed, &columns);
+        let (norm, unplaced) = match (of_lattice, of_others) {
+            (Some(square), others) => (square.sqrt(), others.map_or(1.0, |other| other / square)),
+            (None, others) => (others.unwrap_or_default().sqrt(), 1.0),
+        };
         let factor = |weight: f32| (f64::from(weight).sqrt() / norm) as f32;
         let factors: Vec<Rgb> = problem.weights.iter().map(|weights| weights.map(factor)).collect();
         let factors = brought(operator.range(), &factors)?;
@@ -175,6 +183,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
             columns,
             norm,
             weights: Weights::default(),
+            unplaced,
             metric: None,
             applications: 0,
         })
@@ -188,17 +197,20 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
             before.fill(first);
             others.fill(then);
         }
+        let placed = self.unknowns_before(problem.lattice.placed(problem.start.len()));
+        pulls[placed..].iter_mut().for_each(|pull| *pull *= self.unplaced);
+        let is_even = pulls.iter().all(|&pull| pull == 1.0);
         let asked = settings.regularization;
         // Who lies beside whom takes much memory, and often nobody asks.
         let among_neighbours = [asked.gradient, asked.laplacian] != [Weight::Relative(0.0); 2];
         Ok(Regularizers {
-            tikhonov: match problem.steering {
-                Some(_) => {
+            tikhonov: match is_even {
+                false => {
                     let roots: Vec<Rgb> = pulls.iter().map(|pull: &f64| [pull.sqrt() as f32; 3]).collect();
                     let roots = brought(self.operator.domain(), &roots)?;
                     Box::new(Weighted::new(Identity::scaled(&self.start, [1.0; 3]), roots)?)
                 }
-                None => Box::new(Identity::scaled(&self.start, [1.0; 3])),
+                true => Box::new(Identity::scaled(&self.start, [1.0; 3])),
             },
             pulls,
             among_neighbours: if among_neighbours {
@@ -379,8 +391,14 @@ fn reached(coverage: &CpuVector) -> Vec<u32> {
     coverage.0.iter().enumerate().filter(is_reached).map(|(index, _)| index as u32).collect()
 }
 
-/// Mean over reached elements and channels of ‖W T eᵢ‖².
-fn mean_squared_column_norm(coverage: &CpuVector, reached: usize) -> f64 {
-    let sum: f64 = coverage.0.iter().flatten().map(|&value| f64::from(value)).sum();
-    sum / (3 * reached.max(1)) as f64
+/// Mean over reached elements and channels of ‖W T eᵢ‖², for the elements before `placed` and for the others; none where none is
+/// reached.
+fn mean_squared_column_norms(coverage: &CpuVector, placed: usize, reached: &[u32]) -> [Option<f64>; 2] {
+    let (of_lattice, of_others) = coverage.0.split_at(placed);
+    let before = reached.partition_point(|&column| (column as usize) < placed);
+    let mean = |squares: &[Rgb], count: usize| {
+        let sum: f64 = squares.iter().flatten().map(|&value| f64::from(value)).sum();
+        (count > 0).then(|| sum / (3 * count) as f64)
+    };
+    [mean(of_lattice, before), mean(of_others, reached.len() - before)]
 }

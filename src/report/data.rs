@@ -63,6 +63,9 @@ pub struct Report {
     pub adjoint_error: f64,
     /// Which unknowns the painted pixels determine.
     pub coverage: Coverage,
+    /// What was found around the light map, where that was looked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surroundings: Option<SurroundingsRecord>,
     /// What was looked for in turn, where that was more than one thing or a volume; the numbers above are of the last.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageRecord>,
@@ -146,6 +149,43 @@ impl Default for StageRecord {
             stop: StopRecord::default(),
             certificate: Certificate::default(),
         }
+    }
+}
+
+/// What was found around a light map.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SurroundingsRecord {
+    /// Radiance of the sun outside its light map, where that was looked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sun: Option<SunRecord>,
+    /// Lights of the environment that reach what is painted, of all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lights: Option<Share>,
+}
+
+/// A radiance before and after the solve.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SunRecord {
+    /// At the start.
+    pub before: [f32; 3],
+    /// At the end.
+    pub after: [f32; 3],
+}
+
+impl SurroundingsRecord {
+    /// What was found, in a sentence without its end.
+    pub fn in_words(&self) -> String {
+        let color = |[r, g, b]: [f32; 3]| format!("({r:.3}, {g:.3}, {b:.3})");
+        let sun = self
+            .sun
+            .map(|sun| format!("the sun's radiance went from {} to {}", color(sun.before), color(sun.after)));
+        let lights = self.lights.map(|Share { count, of }| {
+            let rest = if count < of { ", for the others reach nothing painted" } else { "" };
+            format!("{count} of {of} lights of the environment were looked for{rest}")
+        });
+        [sun, lights].into_iter().flatten().collect::<Vec<_>>().join("; ")
     }
 }
 

@@ -8,6 +8,7 @@ use super::data::{
 /// Three views (`front`, `aisle`, `window`), every optional field present, the same numbers every time.
 pub fn example() -> Report {
     Report {
+        surroundings: None,
         stages: Vec::new(),
         animation: None,
         version: env!("CARGO_PKG_VERSION").into(),

@@ -21,7 +21,7 @@ pub struct Pictures {
     pub turntable: Vec<Vec<u8>>,
     /// Some frames of an animation, small: their numbers and pictures.
     pub frames: Vec<(u64, Vec<u8>)>,
-    /// The light around a volume as a latitude-longitude picture, where that was found.
+    /// The light around it as a latitude-longitude picture, where that was found.
     pub environment: Option<Vec<u8>>,
 }
 
@@ -105,13 +105,7 @@ fn volume(report: &Report, pictures: &Pictures) -> Result<String> {
     let turns = turns + &strip;
     let has_rounds = report.stages.iter().any(|stage| stage.round > 1);
     let stages: String = report.stages.iter().map(|record| stage(record, has_rounds)).collect();
-    let environment = match &pictures.environment {
-        Some(png) => {
-            let note = "all directions: up at the top, −Z in the middle";
-            figure("sky", "The light around it", note, "environment", png)?
-        }
-        None => String::new(),
-    };
+    let environment = environment(pictures)?;
     let turns = match turns.is_empty() {
         true => turns,
         false => format!("<div class=\"turns\">\n{turns}</div>\n"),
@@ -140,6 +134,14 @@ fn unreached(report: &Report, unknowns: &str) -> String {
         count(report.coverage.unreached),
         count(report.coverage.total),
     )
+}
+
+/// The light from everywhere, where that was found.
+fn environment(pictures: &Pictures) -> Result<String> {
+    let note = "all directions: up at the top, −Z in the middle";
+    let picture = pictures.environment.as_ref();
+    let figure = picture.map(|png| figure("sky", "The light around it", note, "environment", png));
+    Ok(figure.transpose()?.unwrap_or_default())
 }
 
 /// One line of the table of what was looked for.
@@ -182,10 +184,20 @@ fn light_map(report: &Report, pictures: &Pictures) -> Result<String> {
         Some(_) => "were filled from their neighbours",
         None => "keep their start value",
     };
+    let around = match &report.surroundings {
+        Some(found) => {
+            format!(
+                "<p>Around the light map: {}.</p>\n{}",
+                escaped(&found.in_words()),
+                environment(pictures)?
+            )
+        }
+        None => String::new(),
+    };
     Ok(format!(
         "<section>\n<h2>Light map</h2>\n<div class=\"maps\">\n{found}<div class=\"beside\">\n<p>The painted pixels reach {} \
          of its {} texels ({}).{weak} The other {} {others}: no stroke says anything about \
-         them.</p>\n{reach}</div>\n</div>\n</section>\n",
+         them.</p>\n{reach}</div>\n</div>\n{around}</section>\n",
         count(coverage.reached),
         count(coverage.total),
         percent(super::words::share(coverage.reached, coverage.total)),

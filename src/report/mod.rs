@@ -10,7 +10,7 @@ mod words;
 
 pub use data::{
     AnimationRecord, Certificate, Change, Coverage, KeyRecord, Problem, Regularization, Report, RowStrategy,
-    Share, StageRecord, Step, StopRecord, ViewMatch, Work,
+    Share, StageRecord, Step, StopRecord, SunRecord, SurroundingsRecord, ViewMatch, Work,
 };
 pub use example::example;
 pub use html::{Pictures, ViewPictures, html};

@@ -37,7 +37,7 @@ impl Nouns {
                 impossible: "targets ask for what no volume can do",
             };
         }
-        Self {
+        let of_light_map = Self {
             pixel: "painted pixel",
             unknown: "texel",
             thing: "light map",
@@ -49,6 +49,16 @@ impl Nouns {
             after: "under the light that was found",
             difference: "how far the shafts miss the paint",
             impossible: "strokes ask for what no light map can do",
+        };
+        if report.surroundings.is_none() {
+            return of_light_map;
+        }
+        Self {
+            unknown: "unknown",
+            thing: "light",
+            difference: "how far the picture misses the paint",
+            impossible: "strokes ask for what no light can do",
+            ..of_light_map
         }
     }
 }

@@ -123,6 +123,14 @@ impl LightBasis {
         matches!(self.shape, Shape::Map { .. })
     }
 
+    /// The directions that the light of each of them is taken from, at most.
+    pub fn samples(&self) -> usize {
+        match self.shape {
+            Shape::Discs { samples, .. } => samples,
+            Shape::Map { .. } => 1,
+        }
+    }
+
     /// Columns and rows of a lattice that the lights lie in: of a map its pixels, of discs rows of eight.
     pub fn lattice(&self) -> [usize; 2] {
         match self.shape {

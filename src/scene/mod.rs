@@ -18,6 +18,7 @@ mod procedural;
 mod settings;
 mod shadow_map;
 mod strokes;
+mod surroundings;
 mod view;
 mod volume;
 mod volume_scene;
@@ -41,6 +42,7 @@ pub use settings::{
 };
 pub use shadow_map::ShadowMap;
 pub use strokes::Stroke;
+pub use surroundings::{Sky, Surroundings};
 pub use view::View;
 pub use volume::{Interpolation, Samples, Volume, VoxelGrid};
 pub use volume_scene::{ExtinctionSettings, Find, PropertyBounds, VolumeMedium, VolumeScene, VolumeView};
@@ -67,6 +69,8 @@ pub struct Scene {
     pub geometry: Geometry,
     /// Radiance from everywhere but the sun: surfaces reflect it, and the medium scatters it towards the eye.
     pub ambient: Rgb,
+    /// Light beside that of the light map which is looked for together with it.
+    pub surroundings: Option<Surroundings>,
     /// Cameras and what is painted on their pictures.
     pub views: Vec<View>,
     /// Resolution, extent and basis of the light map.

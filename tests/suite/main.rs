@@ -17,6 +17,7 @@ mod operator;
 mod render;
 mod scenes;
 mod solve;
+mod surroundings;
 mod tolerances;
 mod traversal;
 mod vdb_peer;

@@ -63,6 +63,16 @@ pub const MITSUBA_LARGEST: f64 = 4.5;
 /// Pixels in which every sample of the reference was the same: they see hardly any matter.
 pub const MITSUBA_EMPTY: f64 = 2e-5;
 
+/// Rows of a light map and its surroundings against pictures: both are sums of some f32 numbers in another order.
+pub const SURROUNDINGS_PICTURE: f64 = 1e-5;
+
+/// Weights of the surroundings against points that look for the light by rays of their own: shadow maps of 512 texels have edges that
+/// are off by half a texel of some centimetres, along rays of some metres.
+pub const SURROUNDINGS_TRACED: f64 = 1e-2;
+
+/// Pictures of a light map and its surroundings that were found in pictures of others.
+pub const SURROUNDINGS_FOUND: f64 = 1e-2;
+
 #[cfg(feature = "gpu")]
 pub use device::*;
 

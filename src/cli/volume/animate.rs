@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use super::super::args::AnimateArguments;
 use super::super::engine::Engine;
+use super::super::environment::write_environment;
 use super::super::progress::{Steps, interrupted, watch_interrupt};
 use super::super::results::Folder;
 use super::super::{Done, Manners, job, machine};
@@ -155,7 +156,9 @@ impl SolvedKey<'_> {
         let prefix = of_frame("key", self.frame);
         results::write_volumes(folder, &prefix, &self.scene.stages, &self.state.medium, formats)?;
         if self.scene.stages.contains(&Find::Environment) {
-            results::write_environment(folder, &prefix, self.scene, &self.state.environment)?;
+            let (name, scene) = (format!("{prefix}environment"), self.scene);
+            let (basis, found) = (&scene.light_basis, &self.state.environment);
+            write_environment(folder, &name, basis, found, None, scene.exposure)?;
         }
         let mut views =
             results::write_views(folder, &prefix, self.scene, &self.desired, &self.before, &self.after)?;

@@ -59,6 +59,7 @@ impl Findings<'_> {
             skipped: self.skipped(last),
             adjoint_error: last.trial.adjoint_error,
             coverage: covered(last),
+            surroundings: None,
             stages: self.outcome.records.clone(),
             animation: None,
         }

@@ -12,6 +12,7 @@ mod turntable;
 
 use super::args::VolumeArguments;
 use super::engine::Engine;
+use super::environment::write_environment;
 use super::progress::{Steps, watch_interrupt};
 use super::results::Folder;
 use super::{Done, Manners, job};
@@ -48,7 +49,10 @@ pub(super) fn run(arguments: &VolumeArguments, manners: &Manners) -> Result<Done
     steps.begin("writing", None);
     results::write_volumes(&folder, "", &scene.stages, &state.medium, &formats)?;
     let environment = match scene.stages.contains(&Find::Environment) {
-        true => Some(results::write_environment(&folder, "", &scene, &state.environment)?),
+        true => {
+            let (basis, found) = (&scene.light_basis, &state.environment);
+            Some(write_environment(&folder, "environment", basis, found, None, scene.exposure)?)
+        }
         false => None,
     };
     let in_page = report::Pictures {

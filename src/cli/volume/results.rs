@@ -1,15 +1,11 @@
 //! The files of a volume solve.
 
-use serde::Serialize;
-
 use super::super::results::Folder;
-use super::super::to_json;
 use crate::Result;
-use crate::io;
 use crate::io::volume::{self, Format};
 use crate::problem::Desired;
 use crate::report;
-use crate::scene::{Environment, Find, Image, Rgb, Volume, VolumeMedium, VolumeScene};
+use crate::scene::{Find, Image, Rgb, Volume, VolumeMedium, VolumeScene};
 
 /// Writes the volumes that were looked for, in every format that is asked for.
 pub(super) fn write_volumes(
@@ -36,61 +32,6 @@ pub(super) fn write_volumes(
 
 /// The longer side of a small picture at most.
 const LONGEST: usize = 320;
-
-/// Columns and rows of the picture of an environment.
-const SKY_SIZE: [usize; 2] = [512, 256];
-
-/// A combination of lights, as a file.
-#[derive(Serialize)]
-struct Lights {
-    /// `discs`, or `map`: the pixels of a latitude-longitude picture.
-    kind: &'static str,
-    /// Columns and rows of the map.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    size: Option<[usize; 2]>,
-    lights: Vec<Light>,
-}
-
-#[derive(Serialize)]
-struct Light {
-    /// Unit vector to the middle of the light.
-    towards: [f64; 3],
-    /// In steradians.
-    solid_angle: f64,
-    radiance: Rgb,
-}
-
-/// Writes the light around a volume as pictures (EXR, HDR, PNG) and as a list of lights; gives back the PNG file.
-pub(super) fn write_environment(
-    folder: &Folder,
-    prefix: &str,
-    scene: &VolumeScene,
-    environment: &Environment,
-) -> Result<Vec<u8>> {
-    let basis = &scene.light_basis;
-    let lights = basis.lights().iter().zip(basis.coefficients_of(environment));
-    let list = Lights {
-        kind: if basis.is_map() { "map" } else { "discs" },
-        size: basis.is_map().then(|| basis.lattice()),
-        lights: lights
-            .map(|(light, radiance)| Light {
-                towards: light.towards.to_array(),
-                solid_angle: light.solid_angle,
-                radiance,
-            })
-            .collect(),
-    };
-    let name = format!("{prefix}environment");
-    folder.write_bytes(&format!("{name}.json"), to_json(&list)?.as_bytes())?;
-    // A map as it is, so that it can be the start of another solve without a loss.
-    let picture = environment.picture(if basis.is_map() { basis.lattice() } else { SKY_SIZE })?;
-    io::image::write_hdr(&folder.file(&format!("{name}.hdr")), &picture)?;
-    io::image::write_exr(&folder.file(&format!("{name}.exr")), &picture)?;
-    // The brightest light is white, unless the scene's pictures are darker than that.
-    let white = f64::from(environment.brightest());
-    let exposure = if white > 0.0 { scene.exposure.min(-white.log2()) } else { 0.0 };
-    folder.write_png(&name, &environment.picture(SKY_SIZE)?, exposure)
-}
 
 /// Writes the pictures of all views; gives back their PNG files.
 pub(super) fn write_views(
@@ -165,5 +106,5 @@ pub(super) fn small_png(picture: &Image, exposure: f64) -> Result<Vec<u8>> {
         sum.map(|value: f32| value / count)
     };
     let small = Image::new(size, (0..size[0] * size[1]).map(mean).collect())?;
-    io::image::png_bytes(&small, exposure)
+    crate::io::image::png_bytes(&small, exposure)
 }

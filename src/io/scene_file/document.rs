@@ -15,6 +15,7 @@ use super::map::{LightMap, ShadowMap};
 use super::medium::Medium;
 use super::occluder::Occluder;
 use super::solve::Solve;
+use super::surroundings::Surroundings;
 use super::view::View;
 
 /// An unscatter scene. Lengths are in metres, angles in degrees, radiance is linear Rec. 709; cameras look along
@@ -38,6 +39,10 @@ pub struct Document {
     /// Radiance of the sky behind everything, and the light that surfaces get from everywhere.
     #[serde(default = "default_ambient")]
     pub ambient: Channels,
+    /// Light beside that of the light map which is looked for together with it. With it paint is about all that is seen, and not about
+    /// scattered light alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surroundings: Option<Surroundings>,
     /// What casts shadows and what the views see; nothing for open air.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub occluders: Vec<Occluder>,
@@ -85,6 +90,7 @@ impl Document {
             light,
             medium,
             ambient: default_ambient(),
+            surroundings: None,
             occluders: Vec::new(),
             views,
             light_map: LightMap::default(),
@@ -109,6 +115,8 @@ impl Document {
         let exposure = checked("exposure", self.exposure, "from -64 to 64 stops", |e| e.abs() <= 64.0)?;
         let solve = self.solve.build(self.light_map.basis.into()).at("solve")?;
         let light = self.light.build(&mut assets).at("light")?;
+        let surroundings = self.surroundings.as_ref();
+        let surroundings = surroundings.map(|it| it.build(&assets).at("surroundings")).transpose()?;
         let views = self.build_views(&mut assets)?;
         let geometry = self.build_geometry(&mut assets)?;
         Ok(Scene {
@@ -117,6 +125,7 @@ impl Document {
             medium,
             geometry,
             ambient,
+            surroundings,
             views,
             light_map,
             shadow_map,

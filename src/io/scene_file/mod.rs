@@ -19,6 +19,7 @@ mod read;
 mod size;
 mod solve;
 mod source;
+mod surroundings;
 #[cfg(test)]
 mod tests;
 mod transform;
@@ -43,6 +44,7 @@ pub use medium::Medium;
 pub use occluder::{BoxShape, CylinderShape, GltfMesh, ObjMesh, Occluder, PlaneShape, SphereShape};
 pub use size::{MemorySize, parse_size};
 pub use solve::{MetricName, Quadrature, Solve, Solver, Strategy};
+pub use surroundings::{Sky, Surroundings};
 pub use transform::{LookAt, Rotate, Transform};
 pub use view::{Camera, FovAxis, GltfCameraNode, Stroke, View};
 pub use volume::{

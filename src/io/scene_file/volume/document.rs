@@ -327,7 +327,7 @@ impl Find {
 }
 
 impl Environment {
-    fn build(&self, assets: &Assets) -> Built<scene::Environment> {
+    pub(in crate::io::scene_file) fn build(&self, assets: &Assets) -> Built<scene::Environment> {
         let directions = self.directions.unwrap_or(64);
         let radiance = self.radiance.map(|radiance| radiance.rgb("radiance", f32::MAX)).transpose()?;
         let Some(file) = &self.file else {

@@ -43,7 +43,7 @@ pub enum Over {
 }
 
 impl Lights {
-    pub(super) fn build(&self) -> Built<LightBasis> {
+    pub(in crate::io::scene_file) fn build(&self) -> Built<LightBasis> {
         let up = DVec3::from_array(self.up.unwrap_or([0.0, 1.0, 0.0]));
         if !(up.is_finite() && up.length() > 0.0) {
             return Err(Flaw::value("up", format!("{:?}", up.to_array()), "a direction"));

@@ -1,0 +1,263 @@
+//! Light beside that of the light map: what view rays show of the sun on surfaces and of lights from everywhere.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::extents::{Sight, shadow_grid};
+use super::light_map::{luminance, rgb};
+use super::{Constraint, Maps};
+use crate::march::{LightMapTraversal, Reflected, Surroundings, ViewRay, weight_between};
+use crate::scene::{Basis, Grid, Hit, LightFrame, Ray, Rgb, Scene, ShadowMap};
+use crate::{Error, Result};
+
+/// One direction that a light of the sky comes from, and what stands in its way.
+#[derive(Debug, Clone)]
+pub struct SkyBeam {
+    /// Which light.
+    pub light: usize,
+    /// Towards it; of unit length.
+    pub towards: DVec3,
+    /// The part of the light's solid angle that it stands for, in steradians.
+    pub solid_angle: f64,
+    /// The frame along it.
+    pub frame: LightFrame,
+    /// Where the light arrives.
+    pub shadow_map: ShadowMap,
+}
+
+/// The directions of the lights that are looked for, with a shadow map for each.
+///
+/// Cost: one ray a texel and direction.
+pub(super) fn sky_beams(scene: &Scene, sight: &Sight) -> Result<Arc<[SkyBeam]>> {
+    let Some(sky) = scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()) else {
+        return Ok(Arc::new([]));
+    };
+    let beam = |light: usize, (towards, solid_angle): (DVec3, f64)| -> Result<SkyBeam> {
+        let frame = LightFrame::along(-towards);
+        let shadow_map = match shadow_grid(scene, sight, &frame, [sky.shadow_map; 2])? {
+            Some(grid) => ShadowMap::render(&scene.geometry, &frame, grid)?,
+            None => ShadowMap::open(Grid::new(sight.over(&frame).grown(1.0), [1, 1])?),
+        };
+        Ok(SkyBeam { light, towards, solid_angle, frame, shadow_map })
+    };
+    let directions = |light| sky.basis.directions(light).into_iter().map(move |direction| (light, direction));
+    (0..sky.basis.len()).flat_map(directions).map(|(light, direction)| beam(light, direction)).collect()
+}
+
+/// A view ray and the first surface on it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen {
+    pub(super) ray: Ray,
+    pub(super) hit: Option<Hit>,
+}
+
+impl Seen {
+    pub(super) fn along(scene: &Scene, ray: Ray) -> Self {
+        Self { ray, hit: scene.geometry.first_hit(&ray, f64::INFINITY) }
+    }
+
+    /// What the surface shows, as radiance towards the eye, of light of one steradian from a direction; none where the light does not
+    /// arrive.
+    pub(super) fn reflected(&self, scene: &Scene, towards: DVec3) -> Option<(DVec3, Rgb)> {
+        let hit = self.hit?;
+        let cosine = hit.normal.dot(towards);
+        if cosine <= 0.0 {
+            return None;
+        }
+        let point = self.ray.at(hit.distance);
+        let lifted = point + hit.normal * (1e-4 * (1.0 + hit.distance));
+        if scene.geometry.blocks(&Ray { origin: lifted, direction: towards }, f64::INFINITY) {
+            return None;
+        }
+        let transmittance = scene.medium.transmittance(hit.distance);
+        Some((point, rgb(|c| (f64::from(hit.albedo[c]) * cosine / PI * transmittance[c]) as f32)))
+    }
+
+    /// What medium and surface show of light that is the same from everywhere and meets nothing on its way.
+    pub(super) fn of_ambient(&self, scene: &Scene) -> Rgb {
+        let transmittance = self.hit.map_or([0.0; 3], |hit| scene.medium.transmittance(hit.distance));
+        rgb(|c| {
+            let surface = self.hit.map_or(0.0, |hit| hit.albedo[c]);
+            let medium = scene.medium.albedo[c] as f32;
+            medium + transmittance[c] as f32 * (surface - medium)
+        })
+    }
+
+    /// What is seen of the sky's lights, of those that are asked for: what the medium scatters, and what the surface reflects.
+    ///
+    /// Where a ray meets no surface it ends in the medium, which is everywhere: nobody sees the sky itself.
+    pub(super) fn of_sky(
+        &self,
+        scene: &Scene,
+        maps: &Maps,
+        is_asked_for: impl Fn(usize) -> bool,
+    ) -> Vec<[f64; 3]> {
+        let lights =
+            scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()).map_or(0, |sky| sky.start.len());
+        let mut weights = vec![[0.0; 3]; lights];
+        let length = self.hit.map_or(f64::INFINITY, |hit| hit.distance);
+        let end = length.min(scene.medium.reach(scene.solve.transmittance_bound));
+        for beam in maps.sky.iter().filter(|beam| is_asked_for(beam.light)) {
+            let ray = ViewRay::new(&self.ray, length, &beam.frame, &scene.medium);
+            let scattered = weight_between(&ray, scene.medium.sigma_t, &beam.shadow_map, [0.0, end]);
+            let reflected = self.reflected(scene, beam.towards).map_or([0.0; 3], |(_, share)| share);
+            for c in 0..3 {
+                weights[beam.light][c] += beam.solid_angle * (scattered[c] + f64::from(reflected[c]));
+            }
+        }
+        weights
+    }
+}
+
+/// The texels around a point of the light map and how far it is between them; none outside.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Corners {
+    /// Of the lower row, then of the upper one.
+    texels: [[usize; 2]; 2],
+    between: [f32; 2],
+}
+
+impl Corners {
+    /// Around a world-space point.
+    pub(super) fn around(maps: &Maps, basis: Basis, point: DVec3) -> Option<Self> {
+        let grid: &Grid = &maps.light_map;
+        let p = maps.frame.light_from_world(point);
+        let p = grid.grid_from_light(DVec2::new(p.x, p.y));
+        let size = DVec2::new(grid.size[0] as f64, grid.size[1] as f64);
+        if p.cmplt(DVec2::ZERO).any() || p.cmpge(size).any() {
+            return None;
+        }
+        let (low, high, between) = match basis {
+            Basis::Nearest => (p, p, DVec2::ZERO),
+            Basis::Bilinear => {
+                let q = (p - 0.5).clamp(DVec2::ZERO, size - 1.0);
+                (q.floor(), (q.floor() + 1.0).min(size - 1.0), q - q.floor())
+            }
+        };
+        let row = |y: f64| [low.x, high.x].map(|x| y as usize * grid.size[0] + x as usize);
+        Some(Self { texels: [row(low.y), row(high.y)], between: between.as_vec2().to_array() })
+    }
+
+    /// The texels' value there.
+    pub(super) fn value(&self, texels: &[Rgb]) -> Rgb {
+        let mix = |a: Rgb, b: Rgb, f: f32| rgb(|c| a[c] + f * (b[c] - a[c]));
+        let row = |[a, b]: [usize; 2]| mix(texels[a], texels[b], self.between[0]);
+        mix(row(self.texels[0]), row(self.texels[1]), self.between[1])
+    }
+
+    /// What a surface there shows of each texel, with this share of the light.
+    fn reflected(&self, share: Rgb) -> Reflected {
+        let [x, y] = self.between;
+        let mut reflected = Reflected::NOTHING;
+        for (row, of_row) in self.texels.iter().zip([1.0 - y, y]) {
+            for (&texel, of_texel) in row.iter().zip([1.0 - x, x]) {
+                reflected.add(texel, share.map(|share| share * of_row * of_texel));
+            }
+        }
+        reflected
+    }
+}
+
+/// All that rows show, light by light.
+pub(super) struct Shown {
+    /// The traversal's share in it.
+    pub(super) surroundings: Surroundings,
+    /// Of each row what does not change with what is looked for.
+    pub(super) known: Vec<Rgb>,
+    /// Of each row what is seen before, were each light as bright as it is, but white.
+    pub(super) white: Vec<Rgb>,
+}
+
+/// One row of it.
+struct Row {
+    further: Vec<Rgb>,
+    reflected: Reflected,
+    known: Rgb,
+    white: Rgb,
+}
+
+impl Shown {
+    /// None for a scene that asks for no surroundings.
+    ///
+    /// Errors: [`Error::Empty`] when the sun or the sky is looked for and no row shows anything of it.
+    pub(super) fn new(
+        scene: &Scene,
+        maps: &Maps,
+        constraints: &[Constraint],
+        traversal: &LightMapTraversal,
+    ) -> Result<Option<Self>> {
+        let Some(settings) = &scene.surroundings else { return Ok(None) };
+        let start = settings.start(scene.light.radiance);
+        let rows: Vec<Row> = constraints
+            .par_iter()
+            .enumerate()
+            .map(|(row, pixel)| {
+                let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
+                Row::new(scene, maps, &Seen::along(scene, ray), traversal, row, &start)
+            })
+            .collect();
+        let is_seen = |of: std::ops::Range<usize>| {
+            rows.iter().any(|row| row.further[of.clone()].iter().flatten().any(|&weight| weight > 0.0))
+        };
+        let suns = usize::from(settings.sun);
+        if settings.sun && !is_seen(0..1) {
+            return Err(Error::Empty {
+                reason: "no painted pixel shows any of the sun from outside the light map".to_owned(),
+                remedy: "leave surroundings.sun away, or set a smaller light_map.extent",
+            });
+        }
+        if settings.sky.is_some() && !is_seen(suns..start.len()) {
+            return Err(Error::Empty {
+                reason: format!(
+                    "none of the {} lights of surroundings.environment reaches what the painted pixels show",
+                    start.len() - suns
+                ),
+                remedy: "spread them over the sphere, or turn lights.up towards where light can come from",
+            });
+        }
+        let weights: Vec<Rgb> = rows.iter().flat_map(|row| &row.further).copied().collect();
+        let reflected = rows.iter().map(|row| row.reflected).collect();
+        Ok(Some(Self {
+            surroundings: Surroundings::new(start.len(), &weights, reflected)?,
+            known: rows.iter().map(|row| row.known).collect(),
+            white: rows.iter().map(|row| row.white).collect(),
+        }))
+    }
+}
+
+impl Row {
+    fn new(
+        scene: &Scene,
+        maps: &Maps,
+        seen: &Seen,
+        traversal: &LightMapTraversal,
+        row: usize,
+        start: &[Rgb],
+    ) -> Self {
+        let sun = seen.reflected(scene, -scene.light.direction);
+        let corners = sun.and_then(|(point, _)| Corners::around(maps, scene.solve.basis, point));
+        let share = sun.map_or([0.0; 3], |(_, share)| share);
+        let (outside, lit) = (traversal.surrounding_weight(row), traversal.lit_weight(row));
+        let of_sun = rgb(|c| outside[c] as f32 + if corners.is_none() { share[c] } else { 0.0 });
+        let is_sought = scene.surroundings.as_ref().is_some_and(|it| it.sun);
+        let of_sky = seen.of_sky(scene, maps, |_| true);
+        let of_sky = of_sky.into_iter().map(|weight| weight.map(|value| value as f32));
+        let further: Vec<Rgb> = is_sought.then_some(of_sun).into_iter().chain(of_sky).collect();
+        let of_ambient = seen.of_ambient(scene);
+        let unsought = if is_sought { [0.0; 3] } else { scene.light.radiance };
+        let lights = further.iter().zip(start).skip(usize::from(is_sought));
+        let brightness = [scene.light.radiance, scene.ambient].map(luminance);
+        Self {
+            reflected: corners.map_or(Reflected::NOTHING, |corners| corners.reflected(share)),
+            known: rgb(|c| of_ambient[c] * scene.ambient[c] + of_sun[c] * unsought[c]),
+            white: rgb(|c| {
+                let sky: f32 = lights.clone().map(|(weight, start)| weight[c] * luminance(*start)).sum();
+                (lit[c] as f32 + share[c]) * brightness[0] + of_ambient[c] * brightness[1] + sky
+            }),
+            further,
+        }
+    }
+}
