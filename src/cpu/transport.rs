@@ -15,6 +15,10 @@ use crate::{Error, Result};
 const SAMPLES: usize = 4096;
 /// Memory for rows that are walked anew by a scatter, in bytes: small enough to stay near the processor.
 const WALKED_AT_ONCE: u64 = 24 << 20;
+/// Elements that are so few that most rows meet many of them: by bands their sums would be long, and made by few tasks.
+const FEW: usize = 4096;
+/// Chunks that one task adds up then.
+const CHUNKS_AT_ONCE: usize = 64;
 /// Elements that one task copies.
 const PIECE: usize = 1 << 14;
 
@@ -167,6 +171,9 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         x: &mut CpuVector<F>,
         scatter: impl Fn(&Chunk<F, C>, usize, &mut [Padded<F>]) + Sync,
     ) {
+        if x.0.len() <= FEW {
+            return self.scatter_to_few(x, scatter);
+        }
         let mut room = self.room();
         room.par_chunks_mut(PIECE).for_each(|sums| sums.fill([F::zero(); 4]));
         let long = self.traversal.long_from();
@@ -192,6 +199,40 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         x.0.par_chunks_mut(PIECE).zip(room.par_chunks(PIECE)).for_each(|(x, sums)| {
             x.iter_mut().zip(sums).for_each(|(element, &[r, g, b, _])| *element = [r, g, b]);
         });
+    }
+
+    /// The same for few elements: tasks share the rows and each has sums of its own, in f64 from chunk to chunk.
+    fn scatter_to_few(
+        &self,
+        x: &mut CpuVector<F>,
+        scatter: impl Fn(&Chunk<F, C>, usize, &mut [Padded<F>]) + Sync,
+    ) {
+        let elements = x.0.len();
+        let mut sums = vec![[0.0_f64; 3]; elements];
+        let sum = |chunks: &[Chunk<F, C>]| {
+            let (mut sums, mut run) = (vec![[0.0_f64; 3]; elements], vec![[F::zero(); 4]; elements]);
+            for chunk in chunks {
+                run.fill([F::zero(); 4]);
+                let bands = self.bands.split(&mut run).into_iter().enumerate();
+                bands.for_each(|(band, run)| scatter(chunk, band, run));
+                for (sum, run) in sums.iter_mut().zip(&run) {
+                    (0..3).for_each(|c| sum[c] += run[c].wide());
+                }
+            }
+            sums
+        };
+        let mut add = |chunks: &[Chunk<F, C>]| {
+            let parts: Vec<Vec<[f64; 3]>> = chunks.par_chunks(CHUNKS_AT_ONCE).map(sum).collect();
+            for part in &parts {
+                sums.iter_mut().zip(part).for_each(|(sum, part)| (0..3).for_each(|c| sum[c] += part[c]));
+            }
+        };
+        add(&self.kept);
+        let rows = self.traversal.rows();
+        for start in (self.first_walked..rows).step_by(self.rows_at_once) {
+            add(&self.walk_chunks(start..(start + self.rows_at_once).min(rows)));
+        }
+        x.0.iter_mut().zip(sums).for_each(|(x, sum)| *x = sum.map(F::of));
     }
 
     /// Room for one padded vector of elements.

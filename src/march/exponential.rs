@@ -15,6 +15,26 @@ pub(super) fn extinguished<F: Real>(s: F) -> F {
     }
 }
 
+/// `e^{−s}` for `s ≥ 0`.
+#[inline(always)]
+pub(super) fn left(s: f64) -> f64 {
+    if s < 1.0 / 16.0 { 1.0 - extinguished(s) } else { (-s).exp() }
+}
+
+/// `M₁ / M₀`: where in [0, 1] what is extinguished over optical depth `s` is on average. A half where it is thin, near the start
+/// where it is thick.
+///
+/// For small s the series of `1/s − 1/(eˢ − 1)`. Error: 1e-14.
+#[inline(always)]
+pub(super) fn mean_place(s: f64) -> f64 {
+    if s < 1.0 / 16.0 {
+        let square = s * s;
+        return 0.5 - s * (1.0 / 12.0 - square * (1.0 / 720.0 - square / 30240.0));
+    }
+    let [whole, first, _] = moments(s);
+    first / whole
+}
+
 /// `1 / (n + 1)!`: M₀ = ∫₀¹ s e^{−su} du as Σₙ (−1)ⁿ aₙ sⁿ⁺¹.
 pub const SERIES_0: [f64; 9] = {
     let mut terms = [0.0; 9];
@@ -107,7 +127,10 @@ mod tests {
                 assert!((single / truth - 1.0).abs() < 2e-6, "M{k}({s}) = {single} in f32, not {truth}");
             }
             assert!((extinguished(s) / quadrature(s, 0) - 1.0).abs() < 1e-14);
+            assert!((left(s) - (1.0 - quadrature(s, 0))).abs() < 1e-14);
+            assert!((mean_place(s) - quadrature(s, 1) / quadrature(s, 0)).abs() < 2e-14);
         }
         assert_eq!(moments(0.0_f64), [0.0; 3]);
+        assert_eq!((mean_place(0.0), left(0.0)), (0.5, 1.0));
     }
 }

@@ -277,6 +277,12 @@ impl Volume {
         }
     }
 
+    /// The colour that every voxel has, if there is one.
+    pub fn uniform(&self) -> Option<[f32; 3]> {
+        let first = self.color(0);
+        (0..self.grid.len()).all(|index| self.color(index) == first).then_some(first)
+    }
+
     /// The same with every number mapped, in 32 bits.
     pub fn map(&self, of: impl Fn(f32) -> f32) -> Result<Self> {
         Self::new(self.grid, self.channels, Samples::F32(self.samples.iter().map(of).collect()))
@@ -332,6 +338,16 @@ mod tests {
         let centre = grid.centre([1, 1, 4]);
         let expected = cube.transform_point3(DVec3::new(0.75, 0.5, 4.5 / 8.0));
         assert!((centre - expected).length() < 1e-12);
+        Ok(())
+    }
+
+    #[test]
+    fn a_uniform_volume_has_one_colour() -> Result<()> {
+        let grid = VoxelGrid::new([3, 2, 2], DAffine3::IDENTITY)?;
+        let mut colors = vec![[0.5, 0.25, 1.0]; grid.len()];
+        assert_eq!(Volume::of_colors(grid, &colors)?.uniform(), Some(colors[0]));
+        colors[7][1] = 0.3;
+        assert_eq!(Volume::of_colors(grid, &colors)?.uniform(), None);
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use unscatter::cpu::{Transport, WalkPlan};
-use unscatter::march::{LightMapTraversal, Real, Traversal};
+use unscatter::march::{LightMapTraversal, Real, Traversal, Weight};
 use unscatter::operator::{
     Bounds, CpuVector, Identity, LinearOperator, Restricted, Scaled, Stacked, Vector, Weighted, adjoint_test,
 };
@@ -201,4 +201,48 @@ fn a_row_without_elements_and_a_walk_plan_without_rows_are_fine() {
     let operator = Transport::<_, f32, 1>::new(traversal, &plan, Strategy::Auto, 0).unwrap();
     let [forward, backward] = products(&operator, 1);
     assert!(forward.is_empty() && backward.iter().all(|value| *value == [0.0; 3]));
+}
+
+/// Many rows that all meet the same few elements, like lights around a volume; the weights of one element are off by a share.
+struct Crowded(f64);
+
+impl Traversal<f64, 1> for Crowded {
+    fn rows(&self) -> usize {
+        200_000
+    }
+
+    fn elements(&self) -> usize {
+        70
+    }
+
+    fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f64, 1>)) {
+        for element in (row % 3..70).step_by(3) {
+            let off = if element == 4 { self.0 } else { 0.0 };
+            visit(element, [0.01 * (1 + (row * 31 + element * 17) % 97) as f64 * (1.0 + off)]);
+        }
+    }
+}
+
+#[test]
+fn few_elements_of_many_rows_are_summed_up_as_exactly_as_many() {
+    let y = random_vector(200_000, 5);
+    let y = CpuVector(y.0.iter().map(|y| y.map(|y| (y.abs() + 0.1) as f32)).collect());
+    let wide = CpuVector(y.0.iter().map(|y| y.map(f64::from)).collect());
+    let truth = ExplicitMatrix::new::<1>(&Crowded(0.0), u64::MAX).unwrap();
+    let mut expected = truth.domain();
+    truth.apply_adjoint(&wide, &mut expected).unwrap();
+    let plan = WalkPlan::new::<f32, 1>(&Crowded(0.0));
+    let back = |off: f64, strategy: Strategy| {
+        let transport: Transport<_, f32, 1> =
+            Transport::new(Crowded(off), &plan, strategy, u64::MAX).unwrap();
+        let mut x = transport.domain();
+        transport.apply_adjoint(&y, &mut x).unwrap();
+        let x: Vec<[f64; 3]> = x.0.iter().map(|x| x.map(f64::from)).collect();
+        relative_difference(&x, &expected.0)
+    };
+    for strategy in STRATEGIES {
+        let error = back(0.0, strategy);
+        assert!(error <= ADJOINT_F32, "{strategy:?}: {error:e}");
+        assert!(back(1e-4, strategy) > ADJOINT_F32);
+    }
 }

@@ -52,15 +52,20 @@ impl CellRay {
 
     /// The part of [a, b] between `low` and `high` on every axis.
     pub(crate) fn clip(&self, low: f64, high: [f64; 3], a: f64, b: f64) -> Option<[f64; 2]> {
+        self.clip_to([low; 3], high, a, b)
+    }
+
+    /// The same for a box that begins elsewhere on every axis.
+    pub(super) fn clip_to(&self, low: [f64; 3], high: [f64; 3], a: f64, b: f64) -> Option<[f64; 2]> {
         let (mut a, mut b) = (a, b);
         for axis in 0..3 {
             if self.slope[axis] == 0.0 {
-                if self.origin[axis] < low || self.origin[axis] >= high[axis] {
+                if self.origin[axis] < low[axis] || self.origin[axis] >= high[axis] {
                     return None;
                 }
             } else {
                 let to = |edge: f64| (edge - self.origin[axis]) * self.inverse[axis];
-                let (near, far) = (to(low), to(high[axis]));
+                let (near, far) = (to(low[axis]), to(high[axis]));
                 a = a.max(near.min(far));
                 b = b.min(near.max(far));
             }
@@ -138,6 +143,85 @@ impl CellRay {
                 return ControlFlow::Continue(());
             }
             next[axis] = crossing(cell[axis], axis);
+        }
+    }
+
+    /// Visits the pieces of [a, b] in the cells from `low` to `high`, in order, some of them without length.
+    ///
+    /// Goes slab by slab along the axis on which the ray is fastest: no other axis is crossed more than once in one, and
+    /// which one first is nothing that a processor has to guess.
+    #[inline(always)]
+    pub(super) fn slabs(
+        &self,
+        low: [usize; 3],
+        high: [usize; 3],
+        [a, b]: [f64; 2],
+        visit: impl FnMut([usize; 3], f64, f64),
+    ) {
+        let [x, y, z] = self.slope.map(f64::abs);
+        if x >= y && x >= z {
+            self.slabs_along::<0>(low, high, [a, b], visit);
+        } else if y >= z {
+            self.slabs_along::<1>(low, high, [a, b], visit);
+        } else {
+            self.slabs_along::<2>(low, high, [a, b], visit);
+        }
+    }
+
+    #[inline(always)]
+    fn slabs_along<const M: usize>(
+        &self,
+        low: [usize; 3],
+        high: [usize; 3],
+        [a, b]: [f64; 2],
+        mut visit: impl FnMut([usize; 3], f64, f64),
+    ) {
+        let (p, q) = ((M + 1) % 3, (M + 2) % 3);
+        let mut cell: [usize; 3] =
+            std::array::from_fn(|axis| (self.at_axis(axis, a) as usize).clamp(low[axis], high[axis]));
+        let ahead = self.slope.map(|slope| slope > 0.0);
+        let onwards = ahead.map(|ahead| if ahead { 1 } else { usize::MAX });
+        let step = ahead.map(|ahead| if ahead { 1.0 } else { -1.0 });
+        let mut plane: [f64; 3] = std::array::from_fn(|axis| (cell[axis] + usize::from(ahead[axis])) as f64);
+        // A coordinate that does not change never crosses.
+        let inverse: [f64; 3] =
+            std::array::from_fn(|axis| if self.slope[axis] == 0.0 { 0.0 } else { self.inverse[axis] });
+        let never = self.slope.map(|slope| if slope == 0.0 { f64::INFINITY } else { 0.0 });
+        let crossing = |plane: f64, axis: usize| (plane - self.origin[axis]) * inverse[axis] + never[axis];
+        let moved = |cell: usize, axis: usize, crosses: bool| {
+            let next = if crosses { cell.wrapping_add(onwards[axis]) } else { cell };
+            // Only rounding leads out of the box before b, by less than it can resolve.
+            next.clamp(low[axis], high[axis])
+        };
+        let mut t = a;
+        loop {
+            let end = crossing(plane[M], M);
+            let end = if end < b { end } else { b };
+            let within = |t_cross: f64| if t_cross < t { t } else { t_cross };
+            let (at_p, at_q) = (within(crossing(plane[p], p)), within(crossing(plane[q], q)));
+            let (crosses_p, crosses_q) = (at_p < end, at_q < end);
+            let (at_p, at_q) = (if crosses_p { at_p } else { end }, if crosses_q { at_q } else { end });
+            let p_first = at_p <= at_q;
+            let (first, second) = if p_first { (at_p, at_q) } else { (at_q, at_p) };
+            visit(cell, t, first);
+            let mut between = cell;
+            between[p] = moved(cell[p], p, crosses_p && p_first);
+            between[q] = moved(cell[q], q, crosses_q && !p_first);
+            visit(between, first, second);
+            cell[p] = moved(cell[p], p, crosses_p);
+            cell[q] = moved(cell[q], q, crosses_q);
+            plane[p] += if crosses_p { step[p] } else { 0.0 };
+            plane[q] += if crosses_q { step[q] } else { 0.0 };
+            visit(cell, second, end);
+            if end >= b {
+                return;
+            }
+            cell[M] = cell[M].wrapping_add(onwards[M]);
+            if cell[M] < low[M] || cell[M] > high[M] {
+                return;
+            }
+            plane[M] += step[M];
+            t = end;
         }
     }
 

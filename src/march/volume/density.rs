@@ -6,8 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::cells::{CellRay, Line};
-use super::window::parts;
-use crate::scene::{Interpolation, Volume, VoxelGrid, VoxelSet};
+use crate::scene::{BRICK, Interpolation, Samples, Volume, VoxelGrid, VoxelSet};
 
 /// A heterogeneous medium: extinction σ_t at the centres of voxels, in 1/metre, none outside their grid.
 ///
@@ -18,7 +17,12 @@ pub struct Density {
     interpolation: Interpolation,
     /// The cells of the interpolation in which there is any extinction.
     cells: Arc<VoxelSet>,
+    /// The first and the last cell along each axis of a box around them, where it is so full that no brick is worth passing over.
+    full: Option<[[usize; 3]; 2]>,
 }
+
+/// Part of the bricks of a box that hold something from which on a ray is faster cell by cell than brick by brick.
+const FULL: f64 = 0.25;
 
 /// Optical depth over a piece of a ray inside one cell, as a polynomial: τ(u) = Σ aₙ uⁿ⁺¹ for u in [0, 1] along the piece.
 ///
@@ -50,7 +54,7 @@ impl Density {
             Interpolation::Nearest => some,
             Interpolation::Trilinear => some.cells_between(),
         };
-        Self { volume, interpolation, cells: Arc::new(cells) }
+        Self { volume, interpolation, full: full(&cells), cells: Arc::new(cells) }
     }
 
     /// Extinction at the centres of voxels.
@@ -81,17 +85,25 @@ impl Density {
     /// Optical depth a channel along `direction` (of unit length) from `origin`, over `length` metres; infinite lengths are
     /// allowed. Past a depth of 750, through which not even the least f64 gets, it may be too small.
     pub fn optical_depth(&self, origin: DVec3, direction: DVec3, length: f64) -> [f64; 3] {
-        let line = Line { origin, direction };
-        if self.is_grey() {
-            let [tau] = self.depth_along::<1>(&line, length);
-            return [tau; 3];
-        }
-        self.depth_along::<3>(&line, length)
+        self.depth_between(&Line { origin, direction }, 0.0, length)
     }
 
-    fn depth_along<const C: usize>(&self, line: &Line, length: f64) -> [f64; C] {
+    /// Optical depth a channel over [a, b] of a line.
+    pub(super) fn depth_between(&self, line: &Line, a: f64, b: f64) -> [f64; 3] {
+        if self.is_grey() {
+            let [tau] = self.depth_along::<1>(line, a, b);
+            return [tau; 3];
+        }
+        self.depth_along::<3>(line, a, b)
+    }
+
+    fn depth_along<const C: usize>(&self, line: &Line, a: f64, b: f64) -> [f64; C] {
         let mut sum = [0.0; C];
-        self.each_piece::<C>(line, 0.0, length, |_, _, _, depth| {
+        if let Some([low, high]) = self.full {
+            self.depth_through(line, [a, b], [low, high], &mut sum);
+            return sum;
+        }
+        self.each_piece::<C>(line, a, b, |_, _, _, depth| {
             let tau = depth.at(1.0);
             (0..C).for_each(|c| sum[c] += tau[c]);
             if sum.iter().all(|&tau| tau > 750.0) {
@@ -101,6 +113,51 @@ impl Density {
             }
         });
         sum
+    }
+
+    /// The same through a box of cells outside of which there is nothing.
+    fn depth_through<const C: usize>(
+        &self,
+        line: &Line,
+        [a, b]: [f64; 2],
+        [low, high]: [[usize; 3]; 2],
+        sum: &mut [f64; C],
+    ) {
+        let shift = self.interpolation.cells().0;
+        let size = self.grid().size();
+        let cells = CellRay::new(line, self.grid(), shift);
+        // The outermost cells of an interpolation are half outside.
+        let begin = low.map(|cell| (cell as f64).max(shift));
+        let end = std::array::from_fn(|axis| ((high[axis] + 1) as f64).min(size[axis] as f64 + shift));
+        let Some([a, b]) = cells.clip_to(begin, end, a, b) else { return };
+        match self.volume.samples() {
+            Samples::F32(values) => self.sum_slabs(&cells, [a, b], [low, high], sum, |n| values[n]),
+            Samples::F16(values) => self.sum_slabs(&cells, [a, b], [low, high], sum, |n| values[n].to_f32()),
+        }
+    }
+
+    #[inline(always)]
+    fn sum_slabs<const C: usize>(
+        &self,
+        cells: &CellRay,
+        ends: [f64; 2],
+        [low, high]: [[usize; 3]; 2],
+        sum: &mut [f64; C],
+        sample: impl Fn(usize) -> f32,
+    ) {
+        let sigma_t = |index: usize| std::array::from_fn(|c| f64::from(sample(C * index + c)));
+        match self.interpolation {
+            Interpolation::Nearest => cells.slabs(low, high, ends, |cell, a, b| {
+                let sigma_t: [f64; C] = sigma_t(self.grid().index(cell));
+                (0..C).for_each(|c| sum[c] += sigma_t[c] * (b - a));
+            }),
+            Interpolation::Trilinear => cells.slabs(low, high, ends, |cell, a, b| {
+                if b > a {
+                    let tau = self.cubic::<C>(cell, cells, [a, b], sigma_t).at(1.0);
+                    (0..C).for_each(|c| sum[c] += tau[c]);
+                }
+            }),
+        }
     }
 
     /// σ_t at a point in world space.
@@ -115,7 +172,9 @@ impl Density {
         let cell = ray.at(0.0).map(|x| x as usize);
         match self.interpolation {
             Interpolation::Nearest => self.constant(cell, 1.0).slope(0.0),
-            Interpolation::Trilinear => self.cubic(cell, &ray, 0.0, 1.0).slope(0.0),
+            Interpolation::Trilinear => {
+                self.cubic(cell, &ray, [0.0, 1.0], |index| self.sigma_t(index)).slope(0.0)
+            }
         }
     }
 
@@ -155,48 +214,141 @@ impl Density {
     ) -> Depth<C> {
         match self.interpolation {
             Interpolation::Nearest => self.constant(cell, b - a),
-            Interpolation::Trilinear => self.cubic(cell, cells, a, b),
+            Interpolation::Trilinear => self.cubic(cell, cells, [a, b], |index| self.sigma_t(index)),
         }
     }
 
     #[inline(always)]
-    fn sigma_t<const C: usize>(&self, voxel: [usize; 3]) -> [f64; C] {
-        let color = self.volume.color(self.grid().index(voxel));
+    fn sigma_t<const C: usize>(&self, index: usize) -> [f64; C] {
+        let color = self.volume.color(index);
         std::array::from_fn(|c| f64::from(color[c]))
     }
 
     #[inline(always)]
     fn constant<const C: usize>(&self, voxel: [usize; 3], length: f64) -> Depth<C> {
-        Depth { coefficients: self.sigma_t::<C>(voxel).map(|sigma_t| [sigma_t * length, 0.0, 0.0, 0.0]) }
+        let sigma_t = self.sigma_t::<C>(self.grid().index(voxel));
+        Depth { coefficients: sigma_t.map(|sigma_t| [sigma_t * length, 0.0, 0.0, 0.0]) }
     }
 
-    /// The cubic through σ_t at the ends of the piece and at its thirds, integrated.
+    /// Trilinear σ_t along the piece, integrated.
     #[inline(always)]
-    fn cubic<const C: usize>(&self, cell: [usize; 3], ray: &CellRay, a: f64, b: f64) -> Depth<C> {
+    fn cubic<const C: usize>(
+        &self,
+        cell: [usize; 3],
+        ray: &CellRay,
+        [a, b]: [f64; 2],
+        sigma_t: impl Fn(usize) -> [f64; C],
+    ) -> Depth<C> {
         let size = self.grid().size();
+        let strides = [1, size[0], size[0] * size[1]];
+        // The voxel before the first and the one behind the last stand for their neighbours: they weigh nothing.
+        let places: [[usize; 2]; 3] = std::array::from_fn(|axis| {
+            [0, 1].map(|side| (cell[axis] + side).saturating_sub(1).min(size[axis] - 1) * strides[axis])
+        });
         let corners: [[f64; C]; 8] = std::array::from_fn(|tap| {
-            self.sigma_t(std::array::from_fn(|axis| {
-                // The voxel before the first and the one behind the last stand for their neighbours: they weigh nothing.
-                (cell[axis] + (tap >> axis & 1)).saturating_sub(1).min(size[axis] - 1)
-            }))
+            sigma_t(places[0][tap & 1] + places[1][tap >> 1 & 1] + places[2][tap >> 2])
         });
         let length = b - a;
-        let at = |u: f64| {
-            let parts = parts(cell, ray.at(a + u * length), size);
-            let mut sum = [0.0; C];
-            for (corner, part) in corners.iter().zip(parts) {
-                (0..C).for_each(|c| sum[c] += corner[c] * part);
-            }
-            sum
-        };
-        let [p, q, r, s] = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(at);
+        let start = ray.at(a);
+        // How far the piece is towards the voxels behind, at its start, and how that changes along it.
+        let [x, y, z]: [[f64; 2]; 3] = std::array::from_fn(|axis| match cell[axis] {
+            0 => [1.0, 0.0],
+            last if last == size[axis] => [0.0, 0.0],
+            index => [start[axis] - index as f64, ray.slope[axis] * length],
+        });
         let coefficients = std::array::from_fn(|c| {
-            let (p, q, r, s) = (p[c], q[c], r[c], s[c]);
-            let first = -5.5 * p + 9.0 * q - 4.5 * r + s;
-            let second = 9.0 * p - 22.5 * q + 18.0 * r - 4.5 * s;
-            let third = -4.5 * p + 13.5 * q - 13.5 * r + 4.5 * s;
-            [p * length, first / 2.0 * length, second / 3.0 * length, third / 4.0 * length]
+            let along_x = |tap: usize| {
+                let (low, high) = (corners[tap][c], corners[tap + 1][c]);
+                [low + (high - low) * x[0], (high - low) * x[1]]
+            };
+            let along_xy = |tap: usize| {
+                let (low, high) = (along_x(tap), along_x(tap + 2));
+                let rise = [high[0] - low[0], high[1] - low[1]];
+                [low[0] + rise[0] * y[0], low[1] + rise[0] * y[1] + rise[1] * y[0], rise[1] * y[1]]
+            };
+            let (low, high) = (along_xy(0), along_xy(4));
+            let rise = [high[0] - low[0], high[1] - low[1], high[2] - low[2]];
+            let cubic = [
+                low[0] + rise[0] * z[0],
+                low[1] + rise[0] * z[1] + rise[1] * z[0],
+                low[2] + rise[1] * z[1] + rise[2] * z[0],
+                rise[2] * z[1],
+            ];
+            std::array::from_fn(|n| cubic[n] * length * [1.0, 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0][n])
         });
         Depth { coefficients }
+    }
+}
+
+/// A box of whole bricks around the cells of a set, where it is full enough.
+fn full(cells: &VoxelSet) -> Option<[[usize; 3]; 2]> {
+    let [across, down, deep] = cells.bricks();
+    let (mut low, mut high, mut count) = ([usize::MAX; 3], [0; 3], 0);
+    for brick in (0..across * down * deep).map(|n| [n % across, n / across % down, n / across / down]) {
+        if !cells.is_brick_empty(brick) {
+            count += 1;
+            (0..3).for_each(|axis| low[axis] = low[axis].min(brick[axis]));
+            (0..3).for_each(|axis| high[axis] = high[axis].max(brick[axis]));
+        }
+    }
+    if count == 0 {
+        return None;
+    }
+    let bricks: usize = (0..3).map(|axis| high[axis] - low[axis] + 1).product();
+    let last = std::array::from_fn(|axis| (high[axis] * BRICK + BRICK - 1).min(cells.size()[axis] - 1));
+    (f64::from(count) >= FULL * bricks as f64).then_some([low.map(|brick| brick * BRICK), last])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DAffine3;
+
+    /// Depths of lines through a medium that fills its grid, slab by slab and brick by brick.
+    fn depths(interpolation: Interpolation, changed: f32) -> crate::Result<Vec<[[f64; 3]; 2]>> {
+        let size = [19, 11, 14];
+        let grid = VoxelGrid::new(size, DAffine3::from_scale(DVec3::new(0.3, 0.5, 0.4)))?;
+        let value = |index: usize| ((index * 7919 % 101) as f32 * 0.02 - 0.2).max(0.0);
+        let samples: Vec<f32> = (0..3 * grid.len()).map(value).collect();
+        let density = |samples: Vec<f32>| -> crate::Result<Density> {
+            Ok(Density::new(Arc::new(Volume::new(grid, 3, Samples::F32(samples))?), interpolation))
+        };
+        let full = density(samples.clone())?;
+        assert!(full.full.is_some());
+        let mut bricks = density(samples.into_iter().map(|sigma_t| sigma_t * changed).collect())?;
+        bricks.full = None;
+        let mut lines = Vec::new();
+        for n in 0..400 {
+            let part = |k: usize| ((n * k * 131 + 17 * k) % 211) as f64 / 211.0;
+            let origin = DVec3::new(8.0 * part(1) - 1.0, 8.0 * part(2) - 1.0, 8.0 * part(3) - 1.0);
+            // Some along an axis, some along the planes between voxels and through their edges.
+            let (origin, direction) = match n % 5 {
+                0 => (origin, [DVec3::X, DVec3::NEG_Y, DVec3::Z][n % 3]),
+                1 => (DVec3::new(0.9, 1.5, 1.2), DVec3::new(0.3, 0.5, [0.4, -0.4, 0.0][n % 3])),
+                _ => (origin, DVec3::new(part(4) - 0.5, part(5) - 0.5, part(6) - 0.5)),
+            };
+            let direction = direction.normalize_or(DVec3::X);
+            let length = if n % 7 == 0 { 2.0 } else { f64::INFINITY };
+            lines.push([
+                full.optical_depth(origin, direction, length),
+                bricks.optical_depth(origin, direction, length),
+            ]);
+        }
+        Ok(lines)
+    }
+
+    #[test]
+    fn depth_is_the_same_slab_by_slab_and_brick_by_brick() -> crate::Result<()> {
+        for interpolation in [Interpolation::Nearest, Interpolation::Trilinear] {
+            let worst = |changed| -> crate::Result<f64> {
+                let errors = depths(interpolation, changed)?
+                    .into_iter()
+                    .flat_map(|[a, b]| (0..3).map(move |c| (a[c] - b[c]).abs() / (1.0 + a[c])));
+                Ok(errors.fold(0.0, f64::max))
+            };
+            assert!(worst(1.0)? < 1e-12, "{interpolation:?}: {:e}", worst(1.0)?);
+            assert!(worst(1.0001)? > 1e-12);
+        }
+        Ok(())
     }
 }

@@ -50,6 +50,8 @@ pub struct Part {
     voxels: Arc<VoxelSet>,
     /// The cells of the basis that any of them reaches into.
     cells: Arc<VoxelSet>,
+    /// The known albedo of [`Quantity::InScattered`], where it is the same everywhere.
+    uniform: Option<[f64; 3]>,
 }
 
 impl Part {
@@ -64,7 +66,11 @@ impl Part {
             Interpolation::Nearest => voxels.clone(),
             Interpolation::Trilinear => Arc::new(voxels.cells_between()),
         };
-        Self { quantity, grid, basis, voxels, cells }
+        let uniform = match &quantity {
+            Quantity::InScattered(albedo) => albedo.uniform().map(|color| color.map(f64::from)),
+            _ => None,
+        };
+        Self { quantity, grid, basis, voxels, cells, uniform }
     }
 
     /// Which voxels are elements, in the order of their numbers.
@@ -158,11 +164,8 @@ impl VolumeTraversal {
     pub fn transmittance(&self, row: usize) -> [f64; 3] {
         let mut tau = [0.0; 3];
         self.each_line(row, |line, a, b| {
-            self.transport.density.each_piece::<3>(line, a, b, |_, _, _, depth| {
-                let piece = depth.at(1.0);
-                (0..3).for_each(|c| tau[c] += piece[c]);
-                ControlFlow::Continue(())
-            });
+            let along = self.transport.density.depth_between(line, a, b);
+            (0..3).for_each(|c| tau[c] += along[c]);
             true
         });
         tau.map(|tau| (-tau).exp())
@@ -234,9 +237,12 @@ impl VolumeTraversal {
         let mut strength = [1.0; C];
         if let Quantity::InScattered(albedo) = &part.quantity {
             let mut window = Trilinear::new(part.grid.size());
+            // An albedo that is the same everywhere cuts no pieces.
+            let grid = if part.uniform.is_some() { self.transport.density.grid() } else { albedo.grid() };
             self.each_line(row, |line, a, b| {
                 let sink = Scattered {
                     albedo,
+                    uniform: part.uniform,
                     basis: self.transport.basis,
                     in_light: CellRay::new(line, &part.grid, Trilinear::<C>::SHIFT),
                     in_albedo: CellRay::new(line, albedo.grid(), 0.0),
@@ -245,7 +251,7 @@ impl VolumeTraversal {
                     window: &mut window,
                     visit,
                 };
-                self.attenuated::<C, W>((line, [a, b]), albedo.grid(), &mut strength, sink)
+                self.attenuated::<C, W>((line, [a, b]), grid, &mut strength, sink)
             });
             window.finish(visit);
             return strength;
@@ -307,6 +313,8 @@ impl VolumeTraversal {
         let is_constant = W::CONSTANT && alike;
         density.each_piece::<C>(line, a, b, |cell, a, b, depth| {
             let entering = *strength;
+            let tau = depth.at(1.0);
+            let gone = super::basis::times(entering, tau.map(exponential::extinguished));
             let mut piece = |cell: [usize; 3], start: f64, end: f64| {
                 let (from, to) = ((start - a) / (b - a), (end - a) / (b - a));
                 let before = depth.at(from);
@@ -317,7 +325,7 @@ impl VolumeTraversal {
                 if is_constant {
                     let tau = depth.slope(0.0).map(|slope| slope * (to - from));
                     let weight = super::basis::times(strength, tau.map(exponential::extinguished));
-                    sink.piece(cell, |c| start + (end - start) * mean_place(tau[c]), weight);
+                    sink.piece(cell, |c| start + (end - start) * exponential::mean_place(tau[c]), weight);
                 } else {
                     nodes(depth, from, to, |u, weight| {
                         let t = a + u * (b - a);
@@ -325,7 +333,9 @@ impl VolumeTraversal {
                     });
                 }
             };
-            if shared {
+            if shared && is_constant {
+                sink.piece(cell, |c| a + (b - a) * exponential::mean_place(tau[c]), gone);
+            } else if shared {
                 piece(cell, a, b);
             } else if let Some([start, end]) = cells.clip(W::SHIFT, high, a, b) {
                 // What lies beside the unknown's grid attenuates and shows nothing.
@@ -334,8 +344,7 @@ impl VolumeTraversal {
                     ControlFlow::Continue(())
                 });
             }
-            let tau = depth.at(1.0);
-            (0..C).for_each(|c| strength[c] -= strength[c] * exponential::extinguished(tau[c]));
+            (0..C).for_each(|c| strength[c] -= gone[c]);
             let bound = self.transport.transmittance_bound;
             if strength.iter().any(|&left| left > bound) {
                 ControlFlow::Continue(())
@@ -492,15 +501,12 @@ fn nodes<const C: usize>(depth: &Depth<C>, from: f64, to: f64, mut visit: impl F
             let u = from + (f64::from(panel) + node) * width;
             let (tau, slope) = (depth.at(u), depth.slope(u));
             // Rounding can make the slope of a vanishing density negative.
-            visit(u, std::array::from_fn(|c| weight * width * slope[c].max(0.0) * (start[c] - tau[c]).exp()));
+            visit(
+                u,
+                std::array::from_fn(|c| {
+                    weight * width * slope[c].max(0.0) * exponential::left(tau[c] - start[c])
+                }),
+            );
         }
     }
-}
-
-/// Where in [0, 1] of a piece with optical depth `tau` what it weighs lies on average: light that is linear along the piece counts
-/// as it is there. A half where it is thin, near the eye where it is thick.
-#[inline(always)]
-fn mean_place(tau: f64) -> f64 {
-    let [whole, first, _] = exponential::moments(tau);
-    if whole > 0.0 { first / whole } else { 0.5 }
 }

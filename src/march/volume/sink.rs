@@ -55,8 +55,9 @@ impl<const C: usize, W: Window<C>, V: FnMut([usize; 3], Weight<f64, C>)> Sink<C>
 
 /// The voxels of a cached light, trilinear between their centres, that an albedo scatters.
 pub(super) struct Scattered<'a, const C: usize, V> {
-    /// The albedo, and what lies between its values.
+    /// The albedo, its value where that is the same everywhere, and what lies between its values.
     pub(super) albedo: &'a Volume,
+    pub(super) uniform: Option<[f64; 3]>,
     pub(super) basis: Interpolation,
     /// The ray in cells of the light, and in voxels of the albedo.
     pub(super) in_light: CellRay,
@@ -80,6 +81,9 @@ impl<const C: usize, V: FnMut([usize; 3], Weight<f64, C>)> Scattered<'_, C, V> {
 
     #[inline(always)]
     fn albedo_of(&self, cell: [usize; 3]) -> Weight<f64, C> {
+        if let Some(color) = self.uniform {
+            return std::array::from_fn(|c| color[c]);
+        }
         let color = self.albedo.color(self.albedo.grid().index(cell));
         std::array::from_fn(|c| f64::from(color[c]))
     }
@@ -102,11 +106,11 @@ impl<const C: usize, V: FnMut([usize; 3], Weight<f64, C>)> Sink<C> for Scattered
     #[inline(always)]
     fn node(&mut self, cell: [usize; 3], _at: [f64; 3], t: f64, weight: Weight<f64, C>) {
         let albedo = match self.basis {
-            Interpolation::Nearest => self.albedo_of(cell),
-            Interpolation::Trilinear => {
+            Interpolation::Trilinear if self.uniform.is_none() => {
                 let color = self.albedo.interpolated(self.in_albedo.at(t));
                 std::array::from_fn(|c| f64::from(color[c]))
             }
+            _ => self.albedo_of(cell),
         };
         self.sample(t, times(weight, albedo));
     }

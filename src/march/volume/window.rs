@@ -87,25 +87,32 @@ impl<const C: usize> Trilinear<C> {
         if cell == self.cell {
             return;
         }
-        let moved: [isize; 3] = std::array::from_fn(|axis| cell[axis] as isize - self.cell[axis] as isize);
-        let old = std::mem::replace(&mut self.taps, [[0.0; C]; 8]);
-        for (tap, weight) in old.into_iter().enumerate() {
-            let place = offsets(tap, moved);
-            if place.iter().all(|offset| (0..2).contains(offset)) {
-                self.taps[(place[2] * 4 + place[1] * 2 + place[0]) as usize] = weight;
-            } else {
-                self.leave(tap, weight, visit);
-            }
+        if (0..3).any(|axis| cell[axis].abs_diff(self.cell[axis]) > 1) {
+            (0..8).for_each(|tap| self.leave(tap, self.taps[tap], visit));
+            (self.cell, self.taps) = (cell, [[0.0; C]; 8]);
+            return;
         }
-        self.cell = cell;
+        for axis in 0..3 {
+            if cell[axis] == self.cell[axis] {
+                continue;
+            }
+            let is_ahead = cell[axis] > self.cell[axis];
+            for low in (0..8).filter(|tap| tap >> axis & 1 == 0) {
+                let high = low | 1 << axis;
+                let (left, kept) = if is_ahead { (low, high) } else { (high, low) };
+                self.leave(left, self.taps[left], visit);
+                self.taps[left] = self.taps[kept];
+                self.taps[kept] = [0.0; C];
+            }
+            self.cell[axis] = cell[axis];
+        }
     }
 
     #[inline(always)]
     fn leave(&self, tap: usize, weight: Weight<f64, C>, visit: &mut impl FnMut([usize; 3], Weight<f64, C>)) {
         // A weight is zero where its voxel would be outside.
         if is_something(weight) {
-            let voxel = offsets(tap, [1; 3]);
-            visit(std::array::from_fn(|axis| self.cell[axis].wrapping_add_signed(voxel[axis])), weight);
+            visit(std::array::from_fn(|axis| self.cell[axis] + (tap >> axis & 1) - 1), weight);
         }
     }
 }
@@ -154,12 +161,6 @@ pub(super) fn parts(cell: [usize; 3], at: [f64; 3], size: [usize; 3]) -> [f64; 8
         let side = |axis: usize| if tap >> axis & 1 == 1 { fraction[axis] } else { 1.0 - fraction[axis] };
         side(0) * side(1) * side(2)
     })
-}
-
-/// Where the voxel of a tap stands, less `moved`.
-#[inline(always)]
-fn offsets(tap: usize, moved: [isize; 3]) -> [isize; 3] {
-    std::array::from_fn(|axis| (tap >> axis & 1) as isize - moved[axis])
 }
 
 #[inline(always)]
