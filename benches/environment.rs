@@ -158,7 +158,7 @@ fn scene(asked: &Asked) -> unscatter::Result<VolumeScene> {
 
 fn view(number: usize, distance: f64) -> unscatter::Result<VolumeView> {
     let turn = DQuat::from_rotation_y(std::f64::consts::TAU * number as f64 / VIEWS as f64);
-    let eye = turn * DVec3::new(0.0, if number % 2 == 0 { 0.5 } else { -0.3 }, distance);
+    let eye = turn * DVec3::new(0.0, if number.is_multiple_of(2) { 0.5 } else { -0.3 }, distance);
     let camera = Camera::new(look_at(eye, DVec3::ZERO, DVec3::Y)?, 53.0, FovAxis::Y, PICTURE)?;
     Ok(VolumeView {
         view: View { name: format!("view {number}"), camera, strokes: Vec::new(), layers: Vec::new() },

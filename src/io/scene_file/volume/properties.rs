@@ -63,6 +63,9 @@ pub struct Refraction {
     pub step: Option<f64>,
 }
 
+/// Steps of Gauss–Newton at most when not given.
+const STEPS: usize = 10;
+
 /// How extinction is looked for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -72,8 +75,10 @@ pub struct Extinction {
     /// Whether each channel has an extinction of its own.
     pub colored: bool,
     /// Steps of Gauss–Newton that a refinement takes at most, from 1 to 1000: fewer where a step brings nothing more.
+    #[serde(skip_serializing_if = "is_usual")]
     pub steps: usize,
     /// What the medium is taken to give in a refinement.
+    #[serde(skip_serializing_if = "is_default")]
     pub gives: Gives,
 }
 
@@ -90,7 +95,7 @@ pub enum Gives {
 
 impl Default for Extinction {
     fn default() -> Self {
-        Self { medium_radiance: Channels::Grey(0.0), colored: false, steps: 10, gives: Gives::default() }
+        Self { medium_radiance: Channels::Grey(0.0), colored: false, steps: STEPS, gives: Gives::default() }
     }
 }
 
@@ -246,6 +251,10 @@ fn black() -> Field {
 
 fn is_black(field: &Field) -> bool {
     *field == black()
+}
+
+fn is_usual(steps: &usize) -> bool {
+    *steps == STEPS
 }
 
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
