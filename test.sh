@@ -76,6 +76,9 @@ for example in examples/*; do
   cargo run --locked --release --quiet --example "$name" -- "$out/$name" >/dev/null
 done
 
+say "benchmark, in short"
+cargo run --locked --release --quiet -- bench --quick --backend cpu -q -o "$out/bench"
+
 say "the demo scenes are what their generator makes"
 for file in strokes/*; do
   cmp "$file" "$out/03_demo_scenes/$(basename "$file")"

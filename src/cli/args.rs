@@ -41,6 +41,8 @@ pub(crate) enum Command {
     Plan(SceneArguments),
     /// Check the operator: its adjoint, the explicit matrix in f64, and finite differences.
     Check(CheckArguments),
+    /// Measure run time against error: of every traversal, basis, precision and strategy, and of every solver.
+    Bench(BenchArguments),
     /// Write the matrix, its right-hand side and its start for SciPy: T.npz, b.npy, x0.npy, rows.npy.
     Matrix(MatrixArguments),
     /// Describe this machine and what unscatter would use of it.
@@ -87,6 +89,32 @@ pub(crate) struct CheckArguments {
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
     pub(crate) backend: BackendArguments,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct BenchArguments {
+    /// Scene files; two small scenes that the program knows by heart when none is given.
+    pub(crate) scenes: Vec<PathBuf>,
+    /// Fewer cases and shorter measurements.
+    #[arg(long, conflicts_with = "all")]
+    pub(crate) quick: bool,
+    /// Every solver with every traversal, basis, precision and strategy, which may take hours.
+    #[arg(long)]
+    pub(crate) all: bool,
+    /// Rows that are sampled of each scene at most: few enough for an explicit matrix in f64.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub(crate) rows: Option<u32>,
+    /// Leave out how cost grows, and what skipping saves.
+    #[arg(long)]
+    pub(crate) only_cases: bool,
+    /// Go on after the last case in `records.jsonl` of the output folder.
+    #[arg(long)]
+    pub(crate) resume: bool,
+    #[command(flatten)]
+    pub(crate) backend: BackendArguments,
+    /// Folder for the results; `out/bench` by default.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -23,9 +23,9 @@ const ROWS: usize = 4096;
 /// Non-zeros that the explicit matrix may have.
 const NONZEROS: u64 = 50_000_000;
 /// Laws of DESIGN: both directions in f32 agree with the explicit matrix, the adjoint is the adjoint.
-const AGAINST_EXPLICIT: f64 = 1e-5;
-const ADJOINT: f64 = 1e-6;
-const ADJOINT_EXPLICIT: f64 = 1e-13;
+pub(super) const AGAINST_EXPLICIT: f64 = 1e-5;
+pub(super) const ADJOINT: f64 = 1e-6;
+pub(super) const ADJOINT_EXPLICIT: f64 = 1e-13;
 /// Central differences of a quadratic are exact but for rounding.
 const FINITE_DIFFERENCE: f64 = 1e-8;
 

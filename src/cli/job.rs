@@ -9,7 +9,7 @@ use crate::{Error, Result, io};
 
 const COLOR: usize = size_of::<[f32; 3]>();
 /// Bytes a texel of a shadow map: 4 for its depth while it is rendered, 8 for its range, a third of 8 for the pyramid.
-const SHADOW_TEXEL: usize = 15;
+pub(super) const SHADOW_TEXEL: usize = 15;
 
 /// Reads the scene of a command, with its overrides and those that its flags stand for.
 ///

@@ -1,6 +1,7 @@
 //! The command: the only home of printing and exit codes.
 
 mod args;
+mod bench;
 mod check;
 mod compute;
 mod diagnostics;
@@ -92,6 +93,7 @@ fn run(command: &Command, manners: &Manners) -> Result<Done> {
         Command::Render(arguments) => render::run(arguments, manners),
         Command::Plan(arguments) => plan::run(arguments, manners),
         Command::Check(arguments) => check::run(arguments, manners),
+        Command::Bench(arguments) => bench::run(arguments, manners),
         Command::Matrix(arguments) => matrix::run(arguments, manners),
         Command::Doctor => doctor::run(manners),
         Command::Schema { of } => {

@@ -1,6 +1,6 @@
 use crate::Result;
 use crate::cpu::{Storage, TileMetric, Tiling, Transport, WalkPlan};
-use crate::march::{LightMapTraversal, Traversal};
+use crate::march::{LightMapTraversal, Real, Traversal};
 use crate::operator::{CpuVector, Indexed, LinearOperator, Metric, Vector};
 use crate::scene::{Rgb, Strategy};
 
@@ -55,16 +55,16 @@ pub(super) fn fetched(vector: &impl Vector) -> Result<Vec<Rgb>> {
 /// `T` of a light-map problem on the CPU in f32.
 pub type LightMapOperator = HostOperator<LightMapTraversal>;
 
-/// `T` of a traversal on the CPU in f32.
+/// `T` of a traversal on the CPU; in f64 it is what solutions in f32 are measured against.
 #[derive(Debug)]
-pub enum HostOperator<T> {
+pub enum HostOperator<T, F = f32> {
     /// One weight for all three channels.
-    Grey(Transport<T, f32, 1>),
+    Grey(Transport<T, F, 1>),
     /// One weight a channel.
-    Colored(Transport<T, f32, 3>),
+    Colored(Transport<T, F, 3>),
 }
 
-impl<T: Traversal<f64, 1> + Traversal<f64, 3>> HostOperator<T> {
+impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> HostOperator<T, F> {
     /// Keeps as many rows as `strategy` and the `budget` in bytes ask for; one weight serves all channels of grey rows. The plan
     /// must be of the same traversal.
     ///
@@ -84,14 +84,16 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> HostOperator<T> {
     }
 }
 
-impl<T: Traversal<f64, 1> + Traversal<f64, 3>> TransportOperator for HostOperator<T> {
-    type Vector = CpuVector;
+impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> TransportOperator for HostOperator<T, F> {
+    type Vector = CpuVector<F>;
 
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
-        match self {
-            Self::Grey(transport) => transport.squares(weights),
-            Self::Colored(transport) => transport.squares(weights),
-        }
+        let weights = brought(CpuVector::zeros(weights.len()), &weights.0)?;
+        let squares = match self {
+            Self::Grey(transport) => transport.squares(&weights),
+            Self::Colored(transport) => transport.squares(&weights),
+        };
+        Ok(CpuVector(fetched(&squares?)?))
     }
 
     fn tile_metric(
@@ -99,7 +101,7 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> TransportOperator for HostOperato
         tiling: &Tiling,
         weights: &[f64],
         added: &[f64],
-    ) -> Result<Box<dyn Metric<CpuVector>>> {
+    ) -> Result<Box<dyn Metric<CpuVector<F>>>> {
         Ok(match self {
             Self::Grey(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
             Self::Colored(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
@@ -114,32 +116,32 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> TransportOperator for HostOperato
     }
 }
 
-impl<T: Traversal<f64, 1> + Traversal<f64, 3>> LinearOperator for HostOperator<T> {
-    type Domain = CpuVector;
-    type Range = CpuVector;
+impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> LinearOperator for HostOperator<T, F> {
+    type Domain = CpuVector<F>;
+    type Range = CpuVector<F>;
 
-    fn domain(&self) -> CpuVector {
+    fn domain(&self) -> CpuVector<F> {
         match self {
             Self::Grey(transport) => transport.domain(),
             Self::Colored(transport) => transport.domain(),
         }
     }
 
-    fn range(&self) -> CpuVector {
+    fn range(&self) -> CpuVector<F> {
         match self {
             Self::Grey(transport) => transport.range(),
             Self::Colored(transport) => transport.range(),
         }
     }
 
-    fn apply(&self, x: &CpuVector, y: &mut CpuVector) -> Result<()> {
+    fn apply(&self, x: &CpuVector<F>, y: &mut CpuVector<F>) -> Result<()> {
         match self {
             Self::Grey(transport) => transport.apply(x, y),
             Self::Colored(transport) => transport.apply(x, y),
         }
     }
 
-    fn apply_adjoint(&self, y: &CpuVector, x: &mut CpuVector) -> Result<()> {
+    fn apply_adjoint(&self, y: &CpuVector<F>, x: &mut CpuVector<F>) -> Result<()> {
         match self {
             Self::Grey(transport) => transport.apply_adjoint(y, x),
             Self::Colored(transport) => transport.apply_adjoint(y, x),

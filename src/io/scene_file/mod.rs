@@ -90,6 +90,20 @@ pub fn load_animation(path: &Path, overrides: &[String]) -> Result<AnimatedVolum
     scene_of::<Animated>(&read::bytes(path)?, path, overrides)
 }
 
+/// The scene of a text, as [`load`] reads it from a file; `name` stands for the file in messages and titles.
+///
+/// Errors: [`Error::Scene`] and [`Error::Value`], as [`load`].
+pub fn parse(text: &str, name: &str, overrides: &[String]) -> Result<Scene> {
+    scene_from_bytes(text.as_bytes(), Path::new(name), overrides)
+}
+
+/// The volume scene of a text.
+///
+/// Errors: as [`parse`].
+pub fn parse_volume(text: &str, name: &str, overrides: &[String]) -> Result<VolumeScene> {
+    scene_of::<VolumeDocument>(text.as_bytes(), Path::new(name), overrides)
+}
+
 /// What a scene file is about, as far as can be told from its outermost fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Subject {

@@ -1,6 +1,7 @@
 //! The command as a person uses it: real files in, real files out, exit code and message.
 
 mod bad_input;
+mod bench;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod interrupt;

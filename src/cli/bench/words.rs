@@ -1,0 +1,112 @@
+use std::path::Path;
+
+use crate::report::bench::{Against, Bench, Measured, Record, Standing, Sweep, front};
+
+/// Standard output: what matters of each scene, laws, and where the rest is.
+pub(super) fn summary(bench: &Bench, taken: usize, folder: &Path) -> String {
+    let mut lines = Vec::new();
+    for scene in bench.scenes() {
+        of_scene(bench, scene, &mut lines);
+    }
+    if !bench.scaling.is_empty() {
+        lines.push(format!(
+            "{:44} {:>9} {:>9} {:>9} {:>9}",
+            "cost ~ size^e", "problem", "set-up", "products", "memory"
+        ));
+        lines.extend(bench.scaling.iter().map(sweep));
+        lines.push(String::new());
+    }
+    for skip in &bench.skipping {
+        lines.push(format!(
+            "{}: {} skipped: {:.1e} s, not {:.1e} s; difference {:.1e}",
+            skip.scene, skip.what, skip.seconds.with, skip.seconds.without, skip.difference
+        ));
+    }
+    for law in bench.laws.iter().filter(|law| !law.holds) {
+        lines.push(format!("BROKEN  {}", law.case));
+        lines.push(format!("        {}: {:.1e}, at most {:.1e}", law.law, law.error, law.bound));
+    }
+    let known = if taken > 0 { format!(", {taken} results of an earlier run") } else { String::new() };
+    lines.push(format!(
+        "{} of {} laws hold; {} cases{known}",
+        bench.held.hold,
+        bench.held.of,
+        bench.records.len()
+    ));
+    lines.push(format!("results in {}", folder.join("bench.html").display()));
+    lines.join("\n")
+}
+
+fn of_scene(bench: &Bench, scene: &str, lines: &mut Vec<String>) {
+    let of = |measured: Measured, basis: &str| -> Vec<&Record> {
+        let records = bench.records.iter();
+        let is_it = |r: &&Record| r.scene == scene && r.measured == measured && r.basis == basis;
+        records.filter(is_it).collect()
+    };
+    for (measured, title) in [(Measured::Product, "first T x"), (Measured::Solve, "solution, to 1e-3")] {
+        let records = of(measured, "linear");
+        let Some(first) = records.first() else { continue };
+        lines.push(format!(
+            "{:44} {:>9} {:>9} {:>9} {:>9} {:>9}",
+            format!("{scene}, {} rows: {title}", first.rows),
+            "error",
+            "seconds",
+            "set-up",
+            "products",
+            "kept"
+        ));
+        let points: Vec<[f64; 2]> = records.iter().map(|record| record.point()).collect();
+        let best = front(&points);
+        let shown = records.iter().enumerate().filter(|(_, record)| is_shown(record));
+        lines.extend(shown.map(|(index, record)| row(record, best.contains(&index))));
+        lines.push(String::new());
+    }
+    let marches: Vec<&Against> = bench.against.iter().filter(|against| against.scene == scene).collect();
+    if !marches.is_empty() {
+        let count = |standing| marches.iter().filter(|march| march.standing == standing).count();
+        lines.push(format!(
+            "of {} marches {} are slower and worse than the exact traversal, {} quicker and worse, {} as exact",
+            marches.len(),
+            count(Standing::Dominated),
+            count(Standing::Quicker),
+            count(Standing::AsExact)
+        ));
+        lines.push(String::new());
+    }
+}
+
+/// What a terminal has room for: products, and exact solves to the usual tolerance with rows that are kept in f32.
+fn is_shown(record: &Record) -> bool {
+    let plain = record.precision == "f32" && record.strategy == "assembled" && record.steps.is_none();
+    record.measured == Measured::Product && (record.precision == "f32" || record.steps.is_none())
+        || plain && record.tolerance.is_none_or(|tolerance| tolerance == 1e-3)
+}
+
+fn row(record: &Record, is_best: bool) -> String {
+    let what = match &record.solver {
+        Some(solver) => {
+            format!("{solver}, {} ({})", record.backend, record.stop.as_deref().unwrap_or_default())
+        }
+        None => {
+            format!("{}, {} {}, {}", record.traversal(), record.backend, record.precision, record.strategy)
+        }
+    };
+    format!(
+        "{} {what:42} {:>9.1e} {:>9.2e} {:>9.2e} {:>9} {:>9}",
+        if is_best { '*' } else { ' ' },
+        record.error,
+        record.seconds_in_all(),
+        record.set_up_seconds,
+        record.applications,
+        format!("{} kB", record.kept_bytes / 1000)
+    )
+}
+
+fn sweep(sweep: &Sweep) -> String {
+    let [problem, set_up, products, memory] =
+        sweep.exponents.map(|e| e.map_or("–".to_owned(), |e| format!("{e:.2}")));
+    format!(
+        "{:44} {problem:>9} {set_up:>9} {products:>9} {memory:>9}",
+        format!("  {}: {}", sweep.scene, sweep.over)
+    )
+}

@@ -1,0 +1,14 @@
+//! What a benchmark measured: records as data in, `bench.json`, `bench.csv` and `bench.html` as text out.
+
+mod data;
+mod page;
+mod pareto;
+mod scatter;
+
+pub use data::{
+    Against, Bench, Held, Law, Measured, Pair, Point, Record, Skipped, Standing, Sweep, compare, csv,
+    exponent,
+};
+pub use page::page;
+pub use pareto::front;
+pub use scatter::{Group, Mark, Scatter, scatter};
