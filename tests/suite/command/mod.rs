@@ -10,6 +10,7 @@ mod nothing_lost;
 mod other_commands;
 mod pictures;
 mod solving;
+mod stress;
 mod volume;
 
 use std::fs;
