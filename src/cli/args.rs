@@ -45,6 +45,8 @@ pub(crate) enum Command {
     Bench(BenchArguments),
     /// Write the matrix, its right-hand side and its start for SciPy: T.npz, b.npy, x0.npy, rows.npy.
     Matrix(MatrixArguments),
+    /// Put the numerics under stress: every law with its bound, and a verdict.
+    Stress(StressArguments),
     /// Describe this machine and what unscatter would use of it.
     Doctor,
     /// Print the JSON schema of scene files.
@@ -115,6 +117,21 @@ pub(crate) struct BenchArguments {
     /// Folder for the results; `out/bench` by default.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct StressArguments {
+    /// Only cases with this in their name, such as `depth` or `solve/condition`.
+    #[arg(value_name = "NAME")]
+    pub(crate) only: Option<String>,
+    /// The short form: fewer values of each sweep, every law.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Folder for stress.json and stress.txt; none are written without.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) backend: BackendArguments,
 }
 
 #[derive(Debug, Args)]

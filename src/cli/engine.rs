@@ -27,8 +27,7 @@ pub(super) enum On {
 }
 
 /// A fault to simulate, so that what happens then can be tested: see ARCHITECTURE.md.
-#[cfg(feature = "gpu")]
-const FAULT: &str = "UNSCATTER_FAULT";
+pub(super) const FAULT: &str = "UNSCATTER_FAULT";
 
 impl Engine {
     /// What the arguments ask for. `auto` takes hardware, or an adapter that is named, where that can be opened.

@@ -19,6 +19,7 @@ mod progress;
 mod render;
 mod results;
 mod resume;
+mod stress;
 mod volume;
 
 use std::io::Write;
@@ -95,6 +96,7 @@ fn run(command: &Command, manners: &Manners) -> Result<Done> {
         Command::Check(arguments) => check::run(arguments, manners),
         Command::Bench(arguments) => bench::run(arguments, manners),
         Command::Matrix(arguments) => matrix::run(arguments, manners),
+        Command::Stress(arguments) => stress::run(arguments, manners),
         Command::Doctor => doctor::run(manners),
         Command::Schema { of } => {
             let schema = to_json(&io::scene_file::schema((*of).into()))?;

@@ -14,6 +14,8 @@ const FADED: f64 = 0.02;
 const PIXEL_STRIDE: usize = 8;
 /// Room around what was seen, as a share of it.
 const MARGIN: f64 = 0.01;
+/// Room for rounding, as a share of the distance from the origin: some thousand times that of f64.
+const ROUNDING: f64 = 1e-12;
 
 /// Where light map and shadow map lie, and the shadow map itself.
 #[derive(Debug, Clone)]
@@ -113,8 +115,11 @@ fn grid(settings: &MapSettings, seen: Extent, occluded: Extent) -> Result<Grid> 
     let fitted = || {
         let extent = seen.intersection(occluded).unwrap_or(seen);
         let sides = extent.max - extent.min;
+        // What rounding leaves of a place so far from the origin.
+        let rounding = ROUNDING * extent.min.abs().max(extent.max.abs()).max_element();
+        let margin = (MARGIN * sides.max_element()).max(rounding);
         // A single ray along the light sees no area at all; give it a texel's worth.
-        extent.grown((MARGIN * sides.max_element()).max(1e-6 * extent.max.abs().max_element()).max(1e-6))
+        extent.grown(if margin > 0.0 { margin } else { 1e-6 })
     };
     Grid::new(settings.extent.unwrap_or_else(fitted), settings.size)
 }

@@ -2,7 +2,7 @@ use super::Formulation;
 use super::fill::fill;
 use super::system::{System, Weights};
 use super::{LightMapProblem, TransportOperator};
-use crate::operator::{CpuVector, Indexed, Stacked, Vector};
+use crate::operator::{CpuVector, Indexed, LinearOperator, Stacked, Vector};
 use crate::scene::{Rgb, SolveSettings, SolverName};
 use crate::solve::{
     Beginning, Cgls, Control, Fista, FlexibleCgls, History, Lbfgs, LeastSquares, Lsmr, Lsqr, Measure, Method,
@@ -136,10 +136,7 @@ pub fn minimize(
 }
 
 /// The method of a name.
-pub fn method<'a, V: Vector + 'a>(
-    name: SolverName,
-    operator: &SystemOperator<'a, V>,
-) -> Box<dyn Method<SystemOperator<'a, V>> + 'a> {
+pub fn method<'a, O: LinearOperator + 'a>(name: SolverName, operator: &O) -> Box<dyn Method<O> + 'a> {
     match name {
         SolverName::Fista => Box::new(Fista::new(operator)),
         SolverName::Spectral => Box::new(Spectral::new(operator)),

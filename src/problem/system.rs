@@ -385,9 +385,9 @@ fn weighted<'a, V: Indexed + 'static>(
     Ok((Stacked::new(weighted), targets))
 }
 
-/// The elements that some row reaches.
+/// The elements that some row reaches; squares below the normal numbers have lost their digits, and nothing is solved with those.
 fn reached(coverage: &CpuVector) -> Vec<u32> {
-    let is_reached = |&(_, squares): &(usize, &Rgb)| squares.iter().any(|&value| value > 0.0);
+    let is_reached = |&(_, squares): &(usize, &Rgb)| squares.iter().any(|&value| value >= f32::MIN_POSITIVE);
     coverage.0.iter().enumerate().filter(is_reached).map(|(index, _)| index as u32).collect()
 }
 

@@ -11,6 +11,7 @@ mod nothing_lost;
 mod other_commands;
 mod pictures;
 mod solving;
+mod stress;
 mod surroundings;
 mod volume;
 
