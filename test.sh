@@ -76,6 +76,10 @@ for example in examples/*; do
   cargo run --locked --release --quiet --example "$name" -- "$out/$name" >/dev/null
 done
 
+say "numerical stability, in short"
+cargo run --locked --release --quiet -- stress --quick >"$out/stress" || { cat "$out/stress"; exit 1; }
+tail -n 1 "$out/stress"
+
 say "benchmark, in short"
 cargo run --locked --release --quiet -- bench --quick --backend cpu -q -o "$out/bench"
 

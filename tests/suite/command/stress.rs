@@ -14,17 +14,14 @@ fn verdicts(ran: &Ran) -> Vec<Value> {
     ran.json()["verdicts"].as_array().unwrap().clone()
 }
 
-/// Laws that the code is known to break (docs/stress.md); whoever mends one takes it away here.
-const KNOWN: [&str; 3] = ["scale/whole-scene", "origin/whole-scene", "radiance/albedo"];
-
 #[test]
-fn every_other_law_holds_and_says_what_it_measured() {
+fn every_law_holds_and_says_what_it_measured() {
     let desk = Desk::new();
-    let ran = desk.run(&["stress", "--quick", "--json", "-q"]).exits_with(1);
+    let ran = desk.run(&["stress", "--quick", "--json", "-q"]).exits_with(0);
     let verdicts = verdicts(&ran);
     let broken = verdicts.iter().filter(|verdict| !verdict["holds"].as_bool().unwrap());
     let broken: Vec<&str> = broken.map(|verdict| verdict["case"].as_str().unwrap()).collect();
-    assert_eq!(broken, KNOWN);
+    assert!(broken.is_empty(), "{broken:?}");
     assert!(verdicts.len() > 30);
     for verdict in &verdicts {
         assert!(!verdict["law"].as_str().unwrap().is_empty() && !verdict["why"].as_str().unwrap().is_empty());
