@@ -385,9 +385,13 @@ fn weighted<'a, V: Indexed + 'static>(
     Ok((Stacked::new(weighted), targets))
 }
 
-/// The elements that some row reaches; squares below the normal numbers have lost their digits, and nothing is solved with those.
+/// The elements that some row reaches; none where even the largest square leaves those of smaller weights no digits in f32.
 fn reached(coverage: &CpuVector) -> Vec<u32> {
-    let is_reached = |&(_, squares): &(usize, &Rgb)| squares.iter().any(|&value| value >= f32::MIN_POSITIVE);
+    let most = coverage.0.iter().flatten().copied().fold(0.0, f32::max);
+    if most < f32::MIN_POSITIVE / f32::EPSILON {
+        return Vec::new();
+    }
+    let is_reached = |&(_, squares): &(usize, &Rgb)| squares.iter().any(|&value| value > 0.0);
     coverage.0.iter().enumerate().filter(is_reached).map(|(index, _)| index as u32).collect()
 }
 
