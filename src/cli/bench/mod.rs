@@ -18,7 +18,7 @@ use super::args::{Backend, BenchArguments};
 use super::engine::Engine;
 use super::progress::{Steps, interrupted, watch_interrupt};
 use super::results::Folder;
-use super::{Done, Manners, compute};
+use super::{Done, Manners};
 use crate::Result;
 use crate::report::bench::{self as report, Held, Record, Skipped, Sweep};
 use cases::{Between, Case, Level, Place, cases};
@@ -204,7 +204,7 @@ fn gpu(engine: &Engine) -> Option<crate::gpu::Gpu> {
 fn adapter(engine: &Engine) -> Option<String> {
     match engine {
         #[cfg(feature = "gpu")]
-        Engine::Gpu { gpu, .. } => Some(compute::device(gpu.record())),
+        Engine::Gpu { gpu, .. } => Some(super::compute::device(gpu.record())),
         Engine::Cpu => None,
     }
 }
