@@ -201,7 +201,7 @@ pub(crate) struct VolumeArguments {
     pub(crate) output: OutputArguments,
     #[command(flatten)]
     pub(crate) solve: SolveArguments,
-    /// What to look for, instead of what the scene says: emission, albedo, joint, extinction, environment, or in turn, such as
+    /// What to look for, instead of what the scene says: emission, albedo, joint, extinction, refinement, environment, or in turn, such as
     /// extinction-then-joint or environment-then-albedo.
     #[arg(long, value_name = "NAME")]
     pub(crate) find: Option<String>,

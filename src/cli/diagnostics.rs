@@ -2,6 +2,9 @@ use miette::{LabeledSpan, MietteDiagnostic, NamedSource, Report, SourceOffset};
 
 use crate::{Error, Fault};
 
+/// Bytes of a line that a person can still read; longer ones are written by programs, and a column says more than they do.
+const READABLE: usize = 200;
+
 /// Shows an error on standard error; one inside a scene file with the lines around it.
 pub(super) fn show(error: &Error) {
     let report = match error {
@@ -26,6 +29,10 @@ fn in_file(file: &str, line: usize, column: usize, message: String, help: Option
     let mut diagnostic = MietteDiagnostic::new(message);
     diagnostic.help = help;
     let Ok(text) = std::fs::read_to_string(file) else { return Report::new(diagnostic) };
+    let mut around = text.lines().skip(line.saturating_sub(2)).take(3);
+    if around.any(|line| line.len() > READABLE) {
+        return Report::new(diagnostic);
+    }
     let offset = SourceOffset::from_location(&text, line, column);
     diagnostic.labels = Some(vec![LabeledSpan::at_offset(offset.offset(), "here")]);
     Report::new(diagnostic).with_source_code(NamedSource::new(file, text))

@@ -383,3 +383,19 @@ fn sizes_beyond_the_memory_are_refused_at_once() {
     let tight = ["--set", "solve.strategy=assembled", "--memory", "68MiB", "--set", "light_map.size=64"];
     refused(&desk, &[&tight[..], &["--set", "views[0].strokes[0].radius=90"]].concat()).tells("matrix-free");
 }
+
+/// Programs write files of one line, and nobody finds a mistake in a wall of text.
+#[test]
+fn a_file_of_one_long_line_is_not_shown() {
+    let mut scene = scene();
+    scene["medium"]["sigma_t"] = json!(-1);
+    let desk = Desk::new();
+    desk.put("scene.json", serde_json::to_string(&scene).unwrap());
+    let ran = refused(&desk, &[]);
+    assert!(ran.err.lines().all(|line| line.chars().count() <= 200), "{}", ran.err);
+    assert!(ran.told().contains("scene.json:1:"), "{}", ran.err);
+    desk.put("scene.json", serde_json::to_string_pretty(&scene).unwrap());
+    let ran = refused(&desk, &[]);
+    assert!(ran.err.contains("here"), "{}", ran.err);
+    tells_a_place(&ran);
+}
