@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::cells::{CellRay, Line};
 use super::light::Towards;
 use super::sink::merged;
-use super::window::{Nearest, Trilinear, Window};
+use super::window::{Nearest, Trilinear, Visit, Window};
 use super::{GAUSS_2, GAUSS_4, InScattering, MOST_PANELS, PANEL, PixelRays, VolumeTraversal};
 use crate::march::{Traversal, Weight};
 use crate::scene::{Interpolation, Rgb, Volume, VoxelGrid, VoxelSet};
@@ -118,7 +118,7 @@ impl LinearizedTraversal {
     fn weights<const C: usize, W: Window<C>>(
         &self,
         row: usize,
-        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+        visit: &mut Visit<C>,
     ) {
         let part = &self.medium.parts()[0];
         let mut beyond = self.radiance_with::<C, W>(row);

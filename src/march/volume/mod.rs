@@ -21,7 +21,7 @@ use crate::scene::{Interpolation, Quadrature, Volume, VoxelGrid, VoxelSet};
 pub(crate) use cells::{CellRay, Line};
 use density::Depth;
 use sink::{Lit, Scattered, Sink, merged};
-use window::{Nearest, Trilinear, Window};
+use window::{Nearest, Trilinear, Visit, Window};
 
 /// What a weight is the weight of.
 #[derive(Debug, Clone)]
@@ -200,7 +200,7 @@ impl VolumeTraversal {
         &self,
         row: usize,
         part: &Part,
-        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+        visit: &mut Visit<C>,
     ) -> Weight<f64, C> {
         // A bent ray may come back to a voxel; and so do channels that are sampled at places of their own.
         let comes_back = self.transport.refraction.is_some()
@@ -219,7 +219,7 @@ impl VolumeTraversal {
         &self,
         row: usize,
         part: &Part,
-        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+        visit: &mut Visit<C>,
     ) -> Weight<f64, C> {
         match self.transport.basis {
             Interpolation::Nearest => self.trace_with::<C, Nearest<C>>(row, part, visit),
@@ -232,7 +232,7 @@ impl VolumeTraversal {
         &self,
         row: usize,
         part: &Part,
-        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+        visit: &mut Visit<C>,
     ) -> Weight<f64, C> {
         let mut strength = [1.0; C];
         if let Quantity::InScattered(albedo) = &part.quantity {
@@ -388,7 +388,7 @@ impl VolumeTraversal {
             None => {
                 visit(&line, 0.0, length);
             }
-            Some(refraction) => refraction.each_line(&line, length, visit),
+            Some(refraction) => refraction.each_line(&line, length, &mut visit),
         }
     }
 }
@@ -443,7 +443,7 @@ fn march_lengths<const C: usize, W: Window<C>>(
     steps: u32,
     part: &Part,
     window: &mut W,
-    visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+    visit: &mut Visit<C>,
 ) {
     let cells = CellRay::new(line, &part.grid, W::SHIFT);
     let high = part.grid.size().map(|side| side as f64 + W::SHIFT);
@@ -463,7 +463,7 @@ fn lengths<const C: usize, W: Window<C>>(
     (line, [a, b]): (&Line, [f64; 2]),
     part: &Part,
     window: &mut W,
-    visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+    visit: &mut Visit<C>,
 ) {
     let cells = CellRay::new(line, &part.grid, W::SHIFT);
     let high = part.grid.size().map(|side| side as f64 + W::SHIFT);

@@ -96,7 +96,7 @@ impl PixelRays {
             None => {
                 visit(&self.line(row), 0.0, f64::INFINITY);
             }
-            Some(refraction) => refraction.each_line(&self.line(row), f64::INFINITY, visit),
+            Some(refraction) => refraction.each_line(&self.line(row), f64::INFINITY, &mut visit),
         }
     }
 
@@ -167,7 +167,7 @@ impl Refraction {
     fn exit(&self, ray: &Ray) -> (DVec3, DVec3) {
         let mut exit = (ray.origin, ray.direction);
         let line = Line { origin: ray.origin, direction: ray.direction };
-        self.each_line(&line, f64::INFINITY, |line, a, _| {
+        self.each_line(&line, f64::INFINITY, &mut |line, a, _| {
             exit = (line.origin + line.direction * a, line.direction);
             true
         });
@@ -176,7 +176,7 @@ impl Refraction {
 
     /// Visits the straight pieces of a ray in order, of `length` metres in all: each a line with the t at which it begins
     /// and ends, t running through all of them.
-    pub(super) fn each_line(&self, line: &Line, length: f64, mut visit: impl FnMut(&Line, f64, f64) -> bool) {
+    pub(super) fn each_line(&self, line: &Line, length: f64, visit: &mut dyn FnMut(&Line, f64, f64) -> bool) {
         let grid = self.index.grid();
         let cells = CellRay::new(line, grid, 0.0);
         let size = grid.size().map(|side| side as f64);

@@ -3,6 +3,9 @@
 use super::super::Weight;
 use super::super::basis::add;
 
+/// Takes the voxels of a row. Not generic: walks are long, and each consumer would have a copy of all of them compiled.
+pub(super) type Visit<'a, const C: usize> = dyn FnMut([usize; 3], Weight<f64, C>) + 'a;
+
 /// A basis that takes samples of a ray in order and visits each voxel once, when the ray has left it.
 ///
 /// The support of every basis function is convex, so a straight ray is inside it without interruption.
@@ -22,11 +25,11 @@ pub(super) trait Window<const C: usize> {
         cell: [usize; 3],
         at: [f64; 3],
         weight: Weight<f64, C>,
-        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+        visit: &mut Visit<C>,
     );
 
     /// Visits what is left at the end of a ray.
-    fn finish(self, visit: &mut impl FnMut([usize; 3], Weight<f64, C>));
+    fn finish(self, visit: &mut Visit<C>);
 }
 
 /// Constant in each voxel.
@@ -50,7 +53,7 @@ impl<const C: usize> Window<C> for Nearest<C> {
         cell: [usize; 3],
         _at: [f64; 3],
         weight: Weight<f64, C>,
-        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+        visit: &mut Visit<C>,
     ) {
         if cell == self.voxel {
             return add(&mut self.weight, weight);
@@ -62,7 +65,7 @@ impl<const C: usize> Window<C> for Nearest<C> {
     }
 
     #[inline(always)]
-    fn finish(self, visit: &mut impl FnMut([usize; 3], Weight<f64, C>)) {
+    fn finish(self, visit: &mut Visit<C>) {
         if is_something(self.weight) {
             visit(self.voxel, self.weight);
         }
@@ -83,7 +86,7 @@ pub(super) struct Trilinear<const C: usize> {
 impl<const C: usize> Trilinear<C> {
     /// Moves the window over `cell`, visits the voxels that it leaves and keeps the others.
     #[inline(always)]
-    fn move_to(&mut self, cell: [usize; 3], visit: &mut impl FnMut([usize; 3], Weight<f64, C>)) {
+    fn move_to(&mut self, cell: [usize; 3], visit: &mut Visit<C>) {
         if cell == self.cell {
             return;
         }
@@ -109,7 +112,7 @@ impl<const C: usize> Trilinear<C> {
     }
 
     #[inline(always)]
-    fn leave(&self, tap: usize, weight: Weight<f64, C>, visit: &mut impl FnMut([usize; 3], Weight<f64, C>)) {
+    fn leave(&self, tap: usize, weight: Weight<f64, C>, visit: &mut Visit<C>) {
         // A weight is zero where its voxel would be outside.
         if is_something(weight) {
             visit(std::array::from_fn(|axis| self.cell[axis] + (tap >> axis & 1) - 1), weight);
@@ -132,7 +135,7 @@ impl<const C: usize> Window<C> for Trilinear<C> {
         cell: [usize; 3],
         at: [f64; 3],
         weight: Weight<f64, C>,
-        visit: &mut impl FnMut([usize; 3], Weight<f64, C>),
+        visit: &mut Visit<C>,
     ) {
         self.move_to(cell, visit);
         let parts = parts(cell, at, self.size);
@@ -142,7 +145,7 @@ impl<const C: usize> Window<C> for Trilinear<C> {
     }
 
     #[inline(always)]
-    fn finish(self, visit: &mut impl FnMut([usize; 3], Weight<f64, C>)) {
+    fn finish(self, visit: &mut Visit<C>) {
         for (tap, &weight) in self.taps.iter().enumerate() {
             self.leave(tap, weight, visit);
         }
