@@ -19,6 +19,8 @@ pub(super) struct ShadowRay<'a, F> {
 /// A stretch of a ray under construction: neighbouring stretches become one.
 struct Joined<F, V> {
     stretch: Option<[F; 2]>,
+    /// Nodes that were looked at.
+    nodes: usize,
     visit: V,
 }
 
@@ -40,9 +42,9 @@ impl<F: Real> ShadowRay<'_, F> {
     /// Visits the maximal lit stretches inside [a, b], in order.
     ///
     /// Nodes of the pyramid that are lit or shadowed as a whole are not descended into; a texel is cut where
-    /// the ray crosses its depth. Outside the map the ray is lit.
-    pub(super) fn lit_stretches(&self, a: F, b: F, visit: impl FnMut(F, F)) {
-        let mut joined = Joined { stretch: None, visit };
+    /// the ray crosses its depth. Outside the map the ray is lit. Gives back how many nodes were looked at.
+    pub(super) fn lit_stretches(&self, a: F, b: F, visit: impl FnMut(F, F)) -> usize {
+        let mut joined = Joined { stretch: None, nodes: 0, visit };
         let size = self.map.grid().size.map(|side| F::of(side as f64));
         match clip(self.origin, self.slope, size, a, b) {
             None => joined.add(a, b),
@@ -60,6 +62,7 @@ impl<F: Real> ShadowRay<'_, F> {
         if let Some([start, end]) = joined.stretch {
             (joined.visit)(start, end);
         }
+        joined.nodes
     }
 
     fn at(&self, t: F) -> Instant<F> {
@@ -73,6 +76,7 @@ impl<F: Real> ShadowRay<'_, F> {
         [a, b]: [Instant<F>; 2],
         lit: &mut Joined<F, V>,
     ) {
+        lit.nodes += 1;
         let [nearest, farthest] = self.map.range(level, i, j).map(|z| F::of(f64::from(z)));
         if a.depth <= nearest && b.depth <= nearest {
             return lit.add(a.t, b.t);
