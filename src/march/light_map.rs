@@ -7,6 +7,9 @@ use super::visibility::{ShadowRay, clip};
 use super::{BesideRows, Real, Surroundings, Traversal, Weight, least};
 use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray, ShadowMap};
 
+/// Level of the nodes of a mask that short stretches begin with.
+const NEARBY: usize = 3;
+
 /// A view ray in the frame of the light, up to the first surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewRay {
@@ -307,7 +310,7 @@ impl LightMapTransport {
             Some(mask) => {
                 let mask = shadow_ray::<F>(ray, mask);
                 lit.lit_stretches(F::of(enter), F::of(leave), |a, b| {
-                    mask.lit_stretches(a, b, &mut integrate);
+                    mask.lit_stretches_from(NEARBY, a, b, &mut integrate);
                 });
             }
         }
