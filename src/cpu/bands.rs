@@ -6,8 +6,13 @@ const BLOCK: usize = 64;
 const SHARES: [u64; 2] = [8, 32];
 /// Non-zeros that a row should have in each band, so that they and not their offsets take the time.
 const IN_BAND: u64 = 32;
-/// Elements a band at most, so that 16 bits tell them apart.
-const LONGEST: usize = 1 << 16;
+/// Elements a band at most, so that 16 bits tell their slots apart.
+const LONGEST: usize = 63 << 10;
+/// Elements whose slots stand together. Between them is a cache line of room: a ray across the rows of a map as wide as a power of
+/// two would else meet the same few sets of a cache again and again.
+const RUN: usize = 512;
+/// Slots of that room: a cache line of padded f32.
+const LINE: usize = 4;
 
 /// The elements cut into ranges of about equal work.
 ///
@@ -16,6 +21,8 @@ const LONGEST: usize = 1 << 16;
 #[derive(Debug, Clone)]
 pub(super) struct Bands {
     ranges: Vec<Range<usize>>,
+    /// Where the slots of each band lie.
+    slots: Vec<Range<usize>>,
     of_block: Vec<u32>,
 }
 
@@ -42,7 +49,13 @@ impl Bands {
             Some(last) if start >= elements => last.end = elements,
             _ => ranges.push(start..elements),
         }
-        Self { ranges, of_block }
+        let mut end = 0;
+        let slots = ranges.iter().map(|range: &Range<usize>| {
+            let first = end;
+            end += slots_of(range.len());
+            first..end
+        });
+        Self { slots: slots.collect(), ranges, of_block }
     }
 
     /// In which block an element lies, for counting visits.
@@ -72,16 +85,68 @@ impl Bands {
         self.ranges[band].clone()
     }
 
-    /// A slice over all elements, cut into its bands.
-    pub(super) fn split<'a, T>(&self, mut values: &'a mut [T]) -> Vec<&'a mut [T]> {
-        let mut parts = Vec::with_capacity(self.ranges.len());
-        for range in &self.ranges {
-            let (band, rest) = values.split_at_mut(range.len());
-            parts.push(band);
-            values = rest;
-        }
-        parts
+    /// The slot of an element of a band, both counted from its start.
+    #[inline]
+    pub(super) fn slot(element: usize) -> usize {
+        element + element / RUN * LINE
     }
+
+    /// The element of a slot.
+    #[inline]
+    pub(super) fn element(slot: usize) -> usize {
+        slot - slot / (RUN + LINE) * LINE
+    }
+
+    /// Slots of all bands together.
+    pub(super) fn all_slots(&self) -> usize {
+        self.slots.last().map_or(0, |last| last.end)
+    }
+
+    /// The slots of a band.
+    #[inline]
+    pub(super) fn slots(&self, band: usize) -> Range<usize> {
+        self.slots[band].clone()
+    }
+
+    /// Elements that stand together, of those of a band.
+    pub(super) fn runs<T>(elements: &[T]) -> impl Iterator<Item = &[T]> {
+        elements.chunks(RUN)
+    }
+
+    /// The same to write to.
+    pub(super) fn runs_mut<T>(elements: &mut [T]) -> impl Iterator<Item = &mut [T]> {
+        elements.chunks_mut(RUN)
+    }
+
+    /// Their slots, of those of a band.
+    pub(super) fn runs_of_slots<T>(slots: &mut [T]) -> impl Iterator<Item = &mut [T]> {
+        slots.chunks_mut(RUN + LINE)
+    }
+
+    /// Values in slots, cut into bands.
+    pub(super) fn split_slots<'a, T>(&self, values: &'a mut [T]) -> Vec<&'a mut [T]> {
+        cut(&self.slots, values)
+    }
+
+    /// Values of all elements, cut into bands.
+    pub(super) fn split<'a, T>(&self, values: &'a mut [T]) -> Vec<&'a mut [T]> {
+        cut(&self.ranges, values)
+    }
+}
+
+/// Slots of so many elements.
+fn slots_of(elements: usize) -> usize {
+    elements.checked_sub(1).map_or(0, |last| Bands::slot(last) + 1)
+}
+
+fn cut<'a, T>(ranges: &[Range<usize>], mut values: &'a mut [T]) -> Vec<&'a mut [T]> {
+    let mut parts = Vec::with_capacity(ranges.len());
+    for range in ranges {
+        let (part, rest) = values.split_at_mut(range.len());
+        parts.push(part);
+        values = rest;
+    }
+    parts
 }
 
 #[cfg(test)]
@@ -104,6 +169,13 @@ mod tests {
                     assert_eq!(range.len(), band.len());
                     assert!(range.clone().all(|element| bands.of(element) == (number, range.clone())));
                     assert!(range.len() <= LONGEST);
+                    let slots: Vec<usize> = (0..range.len()).map(Bands::slot).collect();
+                    assert!(
+                        slots
+                            .iter()
+                            .all(|&slot| slot < bands.slots(number).len() && slot <= usize::from(u16::MAX))
+                    );
+                    assert!(slots.iter().enumerate().all(|(element, &slot)| Bands::element(slot) == element));
                     next = range.end;
                 }
                 assert_eq!(next, elements);

@@ -15,7 +15,7 @@ pub(super) struct Chunk<F, const C: usize> {
     /// Where the runs of each band begin; one more at the end.
     bands: Vec<u32>,
     runs: Vec<Run>,
-    /// Which element of its band.
+    /// Which slot of its band.
     elements: Vec<u16>,
     weights: Vec<Weight<F, C>>,
 }
@@ -50,7 +50,7 @@ impl<F: Real, const C: usize> Chunk<F, C> {
                     visits.push(Visit { band: number as u32, row: local, visited });
                     band = range;
                 }
-                elements.push((element - band.start) as u16);
+                elements.push(Bands::slot(element - band.start) as u16);
                 weights.push(weight.map(F::of));
             });
             close(&mut visits, elements.len());
@@ -92,11 +92,11 @@ impl<F: Real, const C: usize> Chunk<F, C> {
             + size_of_val(&self.weights[..])
     }
 
-    /// y ← T x for these rows; `y` holds them alone.
+    /// y ← T x for these rows; `y` holds them alone, `x` all slots.
     pub(super) fn gather(&self, bands: &Bands, x: &[Padded<F>], y: &mut [[F; 3]]) {
         let mut sums = [[0.0_f64; 3]; CHUNK];
         for band in 0..bands.len() {
-            let x = &x[bands.range(band)];
+            let x = &x[bands.slots(band)];
             for (row, elements, weights) in self.stretches(band) {
                 let sum = dot(elements, weights, x);
                 for c in 0..3 {
@@ -107,7 +107,7 @@ impl<F: Real, const C: usize> Chunk<F, C> {
         y.iter_mut().zip(sums).for_each(|(y, sum)| *y = sum.map(F::of));
     }
 
-    /// x ← x + Tᵀ y for one band: `x` holds its elements, `y` all rows.
+    /// x ← x + Tᵀ y for one band: `x` holds its slots, `y` all rows.
     pub(super) fn scatter(&self, band: usize, y: &[[F; 3]], x: &mut [Padded<F>]) {
         self.send(band, y, x, |weight| weight);
     }
@@ -142,7 +142,7 @@ impl<F: Real, const C: usize> Chunk<F, C> {
                 self.stretches(band).filter(|(local, ..)| self.rows.start + local == row)
             {
                 for (&element, &weight) in elements.iter().zip(weights) {
-                    visit(start + usize::from(element), weight);
+                    visit(start + Bands::element(usize::from(element)), weight);
                 }
             }
         }

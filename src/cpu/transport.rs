@@ -178,8 +178,8 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         room.par_chunks_mut(PIECE).for_each(|sums| sums.fill([F::zero(); 4]));
         let long = self.traversal.long_from();
         let add = |chunks: &[Chunk<F, C>], sums: &mut [Padded<F>]| {
-            self.bands.split(sums).into_par_iter().enumerate().for_each(|(band, sums)| {
-                let short = long.saturating_sub(self.bands.range(band).start).min(sums.len());
+            self.bands.split_slots(sums).into_par_iter().enumerate().for_each(|(band, sums)| {
+                let short = Bands::slot(long.saturating_sub(self.bands.range(band).start)).min(sums.len());
                 let mut wide: Vec<[f64; 4]> = sums[short..].iter().map(|sum| sum.map(Real::wide)).collect();
                 for chunk in chunks {
                     sums[short..].fill([F::zero(); 4]);
@@ -196,8 +196,11 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         for start in (self.first_walked..rows).step_by(self.rows_at_once) {
             add(&self.walk_chunks(start..(start + self.rows_at_once).min(rows)), &mut room);
         }
-        x.0.par_chunks_mut(PIECE).zip(room.par_chunks(PIECE)).for_each(|(x, sums)| {
-            x.iter_mut().zip(sums).for_each(|(element, &[r, g, b, _])| *element = [r, g, b]);
+        let bands = self.bands.split(&mut x.0).into_par_iter().zip(self.bands.split_slots(&mut room));
+        bands.for_each(|(x, sums)| {
+            for (x, sums) in Bands::runs_mut(x).zip(Bands::runs_of_slots(sums)) {
+                x.iter_mut().zip(sums).for_each(|(element, &mut [r, g, b, _])| *element = [r, g, b]);
+            }
         });
     }
 
@@ -207,13 +210,13 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         x: &mut CpuVector<F>,
         scatter: impl Fn(&Chunk<F, C>, usize, &mut [Padded<F>]) + Sync,
     ) {
-        let elements = x.0.len();
-        let mut sums = vec![[0.0_f64; 3]; elements];
+        let slots = self.bands.all_slots();
+        let mut sums = vec![[0.0_f64; 3]; slots];
         let sum = |chunks: &[Chunk<F, C>]| {
-            let (mut sums, mut run) = (vec![[0.0_f64; 3]; elements], vec![[F::zero(); 4]; elements]);
+            let (mut sums, mut run) = (vec![[0.0_f64; 3]; slots], vec![[F::zero(); 4]; slots]);
             for chunk in chunks {
                 run.fill([F::zero(); 4]);
-                let bands = self.bands.split(&mut run).into_iter().enumerate();
+                let bands = self.bands.split_slots(&mut run).into_iter().enumerate();
                 bands.for_each(|(band, run)| scatter(chunk, band, run));
                 for (sum, run) in sums.iter_mut().zip(&run) {
                     (0..3).for_each(|c| sum[c] += run[c].wide());
@@ -232,14 +235,18 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         for start in (self.first_walked..rows).step_by(self.rows_at_once) {
             add(&self.walk_chunks(start..(start + self.rows_at_once).min(rows)));
         }
-        x.0.iter_mut().zip(sums).for_each(|(x, sum)| *x = sum.map(F::of));
+        for (x, sums) in self.bands.split(&mut x.0).into_iter().zip(self.bands.split_slots(&mut sums)) {
+            for (x, sums) in Bands::runs_mut(x).zip(Bands::runs_of_slots(sums)) {
+                x.iter_mut().zip(sums).for_each(|(x, sum)| *x = sum.map(F::of));
+            }
+        }
     }
 
-    /// Room for one padded vector of elements.
+    /// Room for one padded vector of elements in their slots.
     fn room(&self) -> MutexGuard<'_, Vec<Padded<F>>> {
         // A panic of another thread leaves numbers that are overwritten before they are read.
         let mut room = self.room.lock().unwrap_or_else(PoisonError::into_inner);
-        room.resize(self.traversal.elements(), [F::zero(); 4]);
+        room.resize(self.bands.all_slots(), [F::zero(); 4]);
         room
     }
 }
@@ -275,8 +282,12 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
         let (kept, walked) = y.0.split_at_mut(self.first_walked);
         if !self.kept.is_empty() {
             let mut room = self.room();
-            room.par_chunks_mut(PIECE).zip(x.0.par_chunks(PIECE)).for_each(|(room, x)| {
-                room.iter_mut().zip(x).for_each(|(room, &element)| *room = padded(element));
+            let bands = self.bands.split_slots(&mut room).into_par_iter().enumerate();
+            bands.for_each(|(band, room)| {
+                let x = Bands::runs(&x.0[self.bands.range(band)]);
+                for (room, x) in Bands::runs_of_slots(room).zip(x) {
+                    room.iter_mut().zip(x).for_each(|(room, &element)| *room = padded(element));
+                }
             });
             let rows = kept.par_chunks_mut(CHUNK).zip(&self.kept);
             rows.for_each(|(y, chunk)| chunk.gather(&self.bands, &room, y));
