@@ -8,7 +8,7 @@
 //! Seconds are the adapter's own where it has timestamps, and the clock's for `iteration` and where something is read back (`largest_step`,
 //! `surfaces`). Bytes are what must at least be moved: kept rows 8 bytes a non-zero, walked ones 160 bytes a ray, tiles their matrices, each
 //! vector and index read and written once; an iteration two products, and each vector of the method. Shares are of the bytes a
-//! second with which the adapter copies a long vector.
+//! second that multiplying long vectors moves.
 #![allow(missing_docs, clippy::unwrap_used, reason = "a bench that cannot go on should stop")]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "figures are what it is for")]
 #![allow(unreachable_pub, reason = "nothing here is public")]
@@ -48,11 +48,11 @@ fn main() {
         sizes.swap(0, 1);
     }
     let (size, field) = rates::size_of(&sizes);
-    let copies = bandwidth(&gpu);
+    let moved = bandwidth(&gpu);
     let record = gpu.record();
-    println!("{} ({}, {}), copies {:.1} GB/s", record.name, record.kind, record.driver, copies * 1e-9);
+    println!("{} ({}, {}), moves {:.1} GB/s", record.name, record.kind, record.driver, moved * 1e-9);
 
-    let mut rates = Rates::new(0.5).beside_copying(copies);
+    let mut rates = Rates::new(0.5).beside(moved);
     vectors::bench(&mut rates, &gpu);
     rows::light_map(&mut rates, &format!("light map, {size}"), [&gpu, &near], &field);
     rows::fixed_point(&mut rates, &gpu, &field);
@@ -75,15 +75,15 @@ fn on_adapter<'a>(gpu: &'a Gpu, mut work: impl FnMut() -> Result<()> + 'a) -> Ro
     })
 }
 
-/// Bytes a second that the adapter copies, reading and writing counted.
+/// Bytes a second that multiplying long vectors moves: two are read and one is written.
 fn bandwidth(gpu: &Gpu) -> f64 {
     let elements = (gpu.record().binding_limit / 16).min(16 << 20) as usize;
-    let (mut to, from) = (GpuVector::zeros(gpu, elements), GpuVector::zeros(gpu, elements));
+    let (mut x, y) = (GpuVector::zeros(gpu, elements), GpuVector::zeros(gpu, elements));
     let mut round = on_adapter(gpu, || {
-        to.copy_from(&from);
+        x.multiply(&y);
         Ok(())
     });
     let mut took = [round(), round(), round()];
     took.sort();
-    (2 * COLOR) as f64 * elements as f64 / took[1].as_secs_f64()
+    (3 * COLOR) as f64 * elements as f64 / took[1].as_secs_f64()
 }

@@ -35,17 +35,17 @@ pub fn light_map(rates: &mut Rates, group: &str, [gpu, near]: [&Gpu; 2], field: 
     let alone = LazyCell::new(|| walked(gpu, false));
     let beside = LazyCell::new(|| walked(near, false));
     let fixed = LazyCell::new(|| walked(gpu, true));
-    let rays = field.painted as u64;
+    let (rays, [_, sums @ ..]) = (field.painted as u64, &PRODUCTS);
     // More than that has no room.
     if field.painted < Field::LARGE.painted {
         let work = || Work { rays, nonzeros: *nonzeros, bytes: NONZERO * *nonzeros };
-        products(rates, group, "rows kept", gpu, &kept, &work);
+        products(rates, group, ("rows kept", &PRODUCTS), gpu, &kept, &work);
         iteration(rates, group, "rows kept", gpu, &kept, &work);
     }
     let work = || Work { rays, nonzeros: *nonzeros, bytes: RAY * rays };
-    products(rates, group, "walked", gpu, &alone, &work);
-    products(rates, group, "walked, near sums", near, &beside, &work);
-    products(rates, group, "walked, fixed point", gpu, &fixed, &work);
+    products(rates, group, ("walked", &PRODUCTS), gpu, &alone, &work);
+    products(rates, group, ("walked, near sums", sums), near, &beside, &work);
+    products(rates, group, ("walked, fixed point", sums), gpu, &fixed, &work);
     iteration(rates, group, "walked", gpu, &alone, &work);
 }
 
@@ -63,12 +63,12 @@ pub fn volumes(rates: &mut Rates, gpu: &Gpu, shrunk: usize) {
         let alone = LazyCell::new(|| walked(false));
         let fixed = LazyCell::new(|| walked(true));
         let group = format!("volume, {name}");
-        let rays = || rows.rays().len() as u64;
+        let (rays, [_, sums @ ..]) = (|| rows.rays().len() as u64, &PRODUCTS);
         let work = || Work { rays: rays(), nonzeros: *nonzeros, bytes: NONZERO * *nonzeros };
-        products(rates, &group, "rows kept", gpu, &kept, &work);
+        products(rates, &group, ("rows kept", &PRODUCTS), gpu, &kept, &work);
         let work = || Work { rays: rays(), nonzeros: *nonzeros, bytes: RAY * rays() };
-        products(rates, &group, "walked", gpu, &alone, &work);
-        products(rates, &group, "walked, fixed point", gpu, &fixed, &work);
+        products(rates, &group, ("walked", &PRODUCTS), gpu, &alone, &work);
+        products(rates, &group, ("walked, fixed point", sums), gpu, &fixed, &work);
     }
 }
 
@@ -77,30 +77,35 @@ fn foreseen(traversal: &impl Traversal<f64, 1>) -> u64 {
 }
 
 fn kept<T: Traversal<f64, 1> + Clone>(gpu: &Gpu, traversal: &T) -> Kept {
-    Kept::new(gpu, kept_rows::<1>(traversal), traversal.elements()).unwrap()
+    let table = kept_rows::<1>(traversal);
+    let mut met = vec![0; traversal.elements()];
+    table.elements.iter().for_each(|&element| met[element as usize] += 1);
+    println!("one element is met by {} of {} rays", met.iter().max().unwrap(), traversal.rows());
+    Kept::new(gpu, table, met.len()).unwrap()
 }
 
 type Product = fn(&Transport, &mut GpuVector, &mut GpuVector) -> Result<()>;
+
+const PRODUCTS: [(&str, Product); 3] = [
+    ("gather", |operator, x, y| operator.apply(x, y)),
+    ("scatter", |operator, x, y| operator.apply_adjoint(y, x)),
+    ("squares", |operator, x, y| match operator {
+        Transport::Kept(kept) => kept.squares(y, x),
+        Transport::Walked(walked) => walked.squares(y, x),
+        _ => unreachable!("neither kept nor walked"),
+    }),
+];
 
 /// `matrix` is the work of one product without its vectors.
 fn products(
     rates: &mut Rates,
     group: &str,
-    way: &str,
+    (way, of): (&str, &[(&str, Product)]),
     gpu: &Gpu,
     operator: &impl Deref<Target = Transport>,
     matrix: &dyn Fn() -> Work,
 ) {
-    let products: [(&str, Product); 3] = [
-        ("gather", |operator, x, y| operator.apply(x, y)),
-        ("scatter", |operator, x, y| operator.apply_adjoint(y, x)),
-        ("squares", |operator, x, y| match operator {
-            Transport::Kept(kept) => kept.squares(y, x),
-            Transport::Walked(walked) => walked.squares(y, x),
-            _ => unreachable!("neither kept nor walked"),
-        }),
-    ];
-    for (product, apply) in products {
+    for (product, apply) in of {
         rates.bench(group, &format!("{way}: {product}"), || {
             let (operator, mut x, mut y) = (&**operator, operator.domain(), operator.range());
             x.fill([1.0, 0.5, 0.25]);

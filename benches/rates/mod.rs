@@ -22,8 +22,8 @@ pub type Round<'a> = Box<dyn FnMut() -> Duration + 'a>;
 /// Benches, and what they have measured.
 pub struct Rates {
     criterion: Criterion,
-    /// Bytes a second that the device copies, where that is known.
-    copies: Option<f64>,
+    /// Bytes a second that the device moves at best, where that is known.
+    at_best: Option<f64>,
     measured: Vec<(String, Work, Duration)>,
 }
 
@@ -44,12 +44,12 @@ impl Rates {
             .warm_up_time(Duration::from_secs_f64(0.2 * seconds))
             .measurement_time(Duration::from_secs_f64(seconds))
             .configure_from_args();
-        Self { criterion, copies: None, measured: Vec::new() }
+        Self { criterion, at_best: None, measured: Vec::new() }
     }
 
-    /// With a column that compares with so many bytes a second.
-    pub fn beside_copying(self, bytes_a_second: f64) -> Self {
-        Self { copies: Some(bytes_a_second), ..self }
+    /// With a column of the share of so many bytes a second.
+    pub fn beside(self, bytes_a_second: f64) -> Self {
+        Self { at_best: Some(bytes_a_second), ..self }
     }
 
     /// Measures the rounds that `prepare` makes.
@@ -58,10 +58,7 @@ impl Rates {
         let mut benches = self.criterion.benchmark_group(group);
         benches.sampling_mode(SamplingMode::Flat);
         benches.bench_function(name, |bencher: &mut Bencher| {
-            if let Some(prepare) = prepare.take() {
-                prepared = Some(prepare());
-            }
-            let Some((_, round)) = &mut prepared else { return };
+            let (_, round) = prepared.get_or_insert_with(|| prepare.take().unwrap()());
             bencher.iter_custom(|rounds| {
                 (0..rounds)
                     .map(|_| {
@@ -85,14 +82,14 @@ impl Rates {
         if self.measured.is_empty() {
             return;
         }
-        let share = if self.copies.is_some() { " of copying |" } else { "" };
+        let share = if self.at_best.is_some() { " share |" } else { "" };
         println!("| | median | rays/s | non-zeros/s | bytes/s |{share}");
         println!("|---|---|---|---|---|{}", if share.is_empty() { "" } else { "---|" });
         for (name, work, took) in &self.measured {
             let seconds = took.as_secs_f64();
             let [rays, nonzeros, bytes] = [work.rays, work.nonzeros, work.bytes].map(|n| rate(n, seconds));
-            let share = self.copies.map_or(String::new(), |copies| {
-                format!(" {:.0} % |", 100.0 * work.bytes as f64 / seconds / copies)
+            let share = self.at_best.map_or(String::new(), |at_best| {
+                format!(" {:.0} % |", 100.0 * work.bytes as f64 / seconds / at_best)
             });
             println!("| {name} | {} | {rays} | {nonzeros} | {bytes} |{share}", short(*took));
         }
