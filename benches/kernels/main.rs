@@ -36,8 +36,12 @@ fn main() {
     let name = std::env::var("UNSCATTER_ADAPTER").ok();
     let choice = Choice { name, software: true, ..Choice::default() };
     // One texel after the other, or those around the eye inside a workgroup first.
-    let gpu = Gpu::open(&Choice { sums_near: Some(false), ..choice.clone() }).unwrap();
-    let near = Gpu::open(&Choice { sums_near: Some(true), ..choice }).unwrap();
+    let [gpu, near] = [false, true].map(|near| {
+        Gpu::open(&Choice { sums_near: Some(near), ..choice.clone() }).unwrap_or_else(|error| {
+            eprintln!("{error}");
+            std::process::exit(1)
+        })
+    });
     let mut sizes = [
         ("small", Field::SMALL),
         ("paper", Field::PAPER),

@@ -196,7 +196,12 @@ impl VolumeTraversal {
     /// Visits the voxels of a part's grid, elements or not, that a row sees; returns what is left of light at the row's end, to
     /// the transmittance bound (of extinction, which knows none, 1).
     #[inline]
-    pub fn trace<const C: usize>(&self, row: usize, part: &Part, visit: &mut Visit<C>) -> Weight<f64, C> {
+    pub fn trace<const C: usize>(
+        &self,
+        row: usize,
+        part: &Part,
+        visit: &mut Visit<C>,
+    ) -> Weight<f64, C> {
         // A bent ray may come back to a voxel; and so do channels that are sampled at places of their own.
         let comes_back = self.transport.refraction.is_some()
             || matches!(part.quantity, Quantity::InScattered(_)) && !self.transport.density.is_grey();
@@ -210,7 +215,12 @@ impl VolumeTraversal {
     }
 
     #[inline]
-    fn trace_in<const C: usize>(&self, row: usize, part: &Part, visit: &mut Visit<C>) -> Weight<f64, C> {
+    fn trace_in<const C: usize>(
+        &self,
+        row: usize,
+        part: &Part,
+        visit: &mut Visit<C>,
+    ) -> Weight<f64, C> {
         match self.transport.basis {
             Interpolation::Nearest => self.trace_with::<C, Nearest<C>>(row, part, visit),
             Interpolation::Trilinear => self.trace_with::<C, Trilinear<C>>(row, part, visit),
