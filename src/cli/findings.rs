@@ -83,7 +83,7 @@ impl Findings<'_> {
         Problem {
             rows: self.problem.constraints.len() as u64,
             unknowns: self.computed.coverage.0.len() as u64,
-            active_unknowns: self.reached(),
+            active_unknowns: self.computed.solved.columns.len() as u64,
             nonzeros: if exact { storage.kept_nonzeros } else { self.problem.plan.nonzeros },
             views: self.computed.before.views.iter().filter(|view| view.pixels > 0).count() as u64,
             size: self.problem.maps.light_map.size.map(|side| side as u64).to_vec(),
@@ -185,7 +185,7 @@ impl Findings<'_> {
             (
                 "unknowns",
                 share(
-                    self.computed.coverage.0.len() as u64 - self.reached(),
+                    self.computed.coverage.0.len() as u64 - self.computed.solved.columns.len() as u64,
                     self.computed.coverage.0.len() as u64,
                 ),
             ),
@@ -213,10 +213,6 @@ impl Findings<'_> {
             filled: self.scene.solve.fill.then(|| total - reached),
             weak: Some(weak.count() as u64),
         }
-    }
-
-    fn reached(&self) -> u64 {
-        reached(&self.computed.coverage.0)
     }
 }
 

@@ -118,7 +118,8 @@ fn draw(
     let draw_view = |view: usize| {
         let rendering = render(scene, &problem.maps, Some(elements), view)?;
         let width = scene.views[view].camera.size()[0];
-        let rows = problem.constraints.iter().enumerate().filter(|(_, pixel)| pixel.view == view);
+        let rows = problem.constraints.iter().enumerate();
+        let rows = rows.filter(|(_, pixel)| pixel.view == view && pixel.weight > 0.0);
         let painted = rows.map(|(row, pixel)| Painted {
             pixel: pixel.y * width + pixel.x,
             weight: pixel.weight,

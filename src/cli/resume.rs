@@ -111,7 +111,7 @@ pub(super) fn of_volume(settings: &SolveSettings, problem: &VolumeProblem) -> u6
     let mut hash = Mixed(0);
     let transport = problem.traversal.transport();
     let words = format!(
-        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?}",
+        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?} {:?}",
         settings.solver,
         problem.formulation().bounds,
         problem.formulation().steering,
@@ -120,6 +120,7 @@ pub(super) fn of_volume(settings: &SolveSettings, problem: &VolumeProblem) -> u6
         settings.regularization,
         settings.strategy,
         settings.transmittance_bound,
+        settings.skip,
         transport.basis,
         problem.size(),
     );
@@ -142,7 +143,7 @@ pub(super) fn of_light_map(scene: &Scene, problem: &LightMapProblem) -> u64 {
     let settings = &scene.solve;
     let mut hash = Mixed(0);
     let words = format!(
-        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?} {:?}",
+        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?} {:?} {:?}",
         settings.solver,
         settings.bounds,
         settings.metric,
@@ -151,6 +152,7 @@ pub(super) fn of_light_map(scene: &Scene, problem: &LightMapProblem) -> u64 {
         settings.regularization,
         settings.strategy,
         settings.transmittance_bound,
+        settings.skip,
         problem.maps.light_map,
         problem.maps.shadow_map.grid(),
         problem.start,

@@ -7,6 +7,9 @@ use super::visibility::{ShadowRay, clip};
 use super::{BesideRows, Real, Surroundings, Traversal, Weight, least};
 use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray, ShadowMap};
 
+/// Level of the nodes of a mask that short stretches begin with.
+const NEARBY: usize = 3;
+
 /// A view ray in the frame of the light, up to the first surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewRay {
@@ -58,6 +61,8 @@ pub struct LightMapTransport {
 /// How much of a row there is, and how much of it is walked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RowExtent {
+    /// Nodes of the shadow map's pyramid, texels among them, that are looked at to find what is lit.
+    pub shadow_nodes: usize,
     /// Length over the light map, in texels.
     pub texels: f64,
     /// The lit part of it; the rest is skipped.
@@ -103,13 +108,18 @@ impl LightMapTraversal {
         self.surroundings.clone().map(|surroundings| BesideRows { surroundings, texels })
     }
 
-    /// Every so many of its rows.
-    pub fn every(&self, stride: usize) -> Self {
+    /// Some of its rows.
+    pub fn picked(&self, rows: &[usize]) -> Self {
         Self {
             transport: self.transport.clone(),
-            rays: self.rays.iter().step_by(stride).copied().collect(),
-            surroundings: self.surroundings.as_ref().map(|shown| Arc::new(shown.every(stride))),
+            rays: rows.iter().map(|&row| self.rays[row]).collect(),
+            surroundings: self.surroundings.as_ref().map(|shown| Arc::new(shown.picked(rows))),
         }
+    }
+
+    /// The same rows, walked in another way.
+    pub fn through(&self, transport: LightMapTransport) -> Self {
+        Self { transport, ..self.clone() }
     }
 
     /// The rays, one a row.
@@ -170,7 +180,8 @@ impl LightMapTraversal {
         if let Some([enter, leave]) = self.transport.inside(ray, end) {
             let [_, slope] = grid_ray(ray, &self.transport.light_map);
             extent.texels = slope.length() * (leave - enter);
-            shadow_ray::<f64>(ray, &self.transport.shadow_map).lit_stretches(enter, leave, |start, end| {
+            let lit = shadow_ray::<f64>(ray, &self.transport.shadow_map);
+            extent.shadow_nodes = lit.lit_stretches(enter, leave, |start, end| {
                 extent.lit_texels += slope.length() * (end - start);
             });
         }
@@ -293,11 +304,13 @@ impl LightMapTransport {
         };
         let lit = shadow_ray::<F>(ray, &self.shadow_map);
         match &self.mask {
-            None => lit.lit_stretches(F::of(enter), F::of(leave), integrate),
+            None => {
+                lit.lit_stretches(F::of(enter), F::of(leave), integrate);
+            }
             Some(mask) => {
                 let mask = shadow_ray::<F>(ray, mask);
                 lit.lit_stretches(F::of(enter), F::of(leave), |a, b| {
-                    mask.lit_stretches(a, b, &mut integrate)
+                    mask.lit_stretches_from(NEARBY, a, b, &mut integrate);
                 });
             }
         }

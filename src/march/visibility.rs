@@ -40,9 +40,16 @@ impl<F: Real> ShadowRay<'_, F> {
     /// Visits the maximal lit stretches inside [a, b], in order.
     ///
     /// Nodes of the pyramid that are lit or shadowed as a whole are not descended into; a texel is cut where
-    /// the ray crosses its depth. Outside the map the ray is lit.
-    pub(super) fn lit_stretches(&self, a: F, b: F, visit: impl FnMut(F, F)) {
+    /// the ray crosses its depth. Outside the map the ray is lit. Gives back how many nodes were looked at.
+    pub(super) fn lit_stretches(&self, a: F, b: F, visit: impl FnMut(F, F)) -> usize {
+        self.lit_stretches_from(self.map.top(), a, b, visit)
+    }
+
+    /// The same of a short part of a ray: `level` is that of the node to begin with.
+    #[inline]
+    pub(super) fn lit_stretches_from(&self, level: usize, a: F, b: F, visit: impl FnMut(F, F)) -> usize {
         let mut joined = Joined { stretch: None, visit };
+        let mut nodes = 0;
         let size = self.map.grid().size.map(|side| F::of(side as f64));
         match clip(self.origin, self.slope, size, a, b) {
             None => joined.add(a, b),
@@ -50,8 +57,7 @@ impl<F: Real> ShadowRay<'_, F> {
                 if enter > a {
                     joined.add(a, enter);
                 }
-                let inside = [enter, leave].map(|t| self.at(t));
-                self.descend(self.map.top(), [0, 0], inside, &mut joined);
+                nodes = self.lit_inside(level.min(self.map.top()), enter, leave, &mut joined);
                 if b > leave {
                     joined.add(leave, b);
                 }
@@ -60,55 +66,84 @@ impl<F: Real> ShadowRay<'_, F> {
         if let Some([start, end]) = joined.stretch {
             (joined.visit)(start, end);
         }
+        nodes
+    }
+
+    /// Goes from node to node of the pyramid: a level down where a node is neither lit nor shadowed as a whole, on to the next
+    /// where it is, and a level up with each step into another node above.
+    ///
+    /// Every crossing is computed from its own grid line, so rounding does not add up along the ray.
+    fn lit_inside<V: FnMut(F, F)>(&self, mut level: usize, a: F, b: F, lit: &mut Joined<F, V>) -> usize {
+        let (top, size) = (self.map.top(), self.map.grid().size);
+        let ahead = [self.slope[0] > F::zero(), self.slope[1] > F::zero()];
+        // The cast rounds towards zero, and takes what rounding has put before the first texel to it.
+        let texel = |axis: usize| (self.origin[axis] + self.slope[axis] * a).wide() as usize;
+        let at_first = |axis: usize| texel(axis).min(size[axis] - 1) >> level;
+        let mut node = [at_first(0), at_first(1)];
+        let (mut start, mut nodes) = (self.at(a), 0);
+        loop {
+            nodes += 1;
+            let crossing =
+                |axis: usize| self.crossing(axis, (node[axis] + usize::from(ahead[axis])) << level);
+            let (x, y) = (crossing(0), crossing(1));
+            let axis = usize::from(y < x);
+            let mut next = node;
+            next[axis] = if ahead[axis] { node[axis] + 1 } else { node[axis].wrapping_sub(1) };
+            // Only rounding at the rim of the map can lead outside before b, by less than it can resolve.
+            let is_last = next[axis] << level >= size[axis];
+            let end = self.at(if is_last { b } else { least(most(least(x, y), start.t), b) });
+            let [nearest, farthest] = self.map.range(level, node[0], node[1]);
+            let (nearest, farthest) = (F::of(f64::from(nearest)), F::of(f64::from(farthest)));
+            if start.depth <= nearest && end.depth <= nearest {
+                lit.add(start.t, end.t);
+            } else if start.depth <= farthest || end.depth <= farthest {
+                if level > 0 {
+                    level -= 1;
+                    let half = |axis: usize| {
+                        2 * node[axis] + self.half(axis, (2 * node[axis] + 1) << level, start.t)
+                    };
+                    node = [half(0), half(1)];
+                    continue;
+                }
+                let crossing = (nearest - self.depth) / self.depth_slope;
+                let crossing = least(most(crossing, start.t), end.t);
+                match end.depth > start.depth {
+                    true => lit.add(start.t, crossing),
+                    false => lit.add(crossing, end.t),
+                }
+            }
+            if end.t >= b {
+                return nodes;
+            }
+            if next[axis] >> 1 != node[axis] >> 1 && level < top {
+                level += 1;
+                next = [next[0] >> 1, next[1] >> 1];
+            }
+            (node, start) = (next, end);
+        }
     }
 
     fn at(&self, t: F) -> Instant<F> {
         Instant { t, depth: self.depth + self.depth_slope * t }
     }
 
-    fn descend<V: FnMut(F, F)>(
-        &self,
-        level: usize,
-        [i, j]: [usize; 2],
-        [a, b]: [Instant<F>; 2],
-        lit: &mut Joined<F, V>,
-    ) {
-        let [nearest, farthest] = self.map.range(level, i, j).map(|z| F::of(f64::from(z)));
-        if a.depth <= nearest && b.depth <= nearest {
-            return lit.add(a.t, b.t);
+    /// When the ray crosses a grid line; never where it runs beside it.
+    #[inline(always)]
+    fn crossing(&self, axis: usize, line: usize) -> F {
+        if self.slope[axis] == F::zero() {
+            return F::infinity();
         }
-        if a.depth > farthest && b.depth > farthest {
-            return;
-        }
-        if level == 0 {
-            let crossing = least(most((nearest - self.depth) / self.depth_slope, a.t), b.t);
-            return if b.depth > a.depth { lit.add(a.t, crossing) } else { lit.add(crossing, b.t) };
-        }
-        let half = 1usize << (level - 1);
-        let split = [(2 * i + 1) * half, (2 * j + 1) * half];
-        let split = [self.split(0, split[0], a.t, b.t), self.split(1, split[1], a.t, b.t)];
-        let (first, second) = if split[0] <= split[1] { (split[0], split[1]) } else { (split[1], split[0]) };
-        let mut start = a;
-        for end in [self.at(first), self.at(second), b] {
-            if start.t < end.t {
-                let beyond = |axis: usize| {
-                    let past = start.t >= split[axis];
-                    usize::from(past == (self.slope[axis] >= F::zero()))
-                };
-                self.descend(level - 1, [2 * i + beyond(0), 2 * j + beyond(1)], [start, end], lit);
-                start = end;
-            }
-        }
+        (F::of(line as f64) - self.origin[axis]) * self.inverse[axis]
     }
 
-    /// When the ray crosses a grid line, kept inside [a, b]; one that never does has always crossed the lines before it.
+    /// On which side of a grid line the ray is at t: 0 below, 1 above.
     #[inline(always)]
-    fn split(&self, axis: usize, line: usize, a: F, b: F) -> F {
-        let distance = F::of(line as f64) - self.origin[axis];
+    fn half(&self, axis: usize, line: usize, t: F) -> usize {
         if self.slope[axis] == F::zero() {
-            return if distance <= F::zero() { a } else { b };
+            return usize::from(self.origin[axis] >= F::of(line as f64));
         }
-        least(most(distance * self.inverse[axis], a), b)
+        let is_past = t >= self.crossing(axis, line);
+        usize::from(is_past == (self.slope[axis] > F::zero()))
     }
 }
 

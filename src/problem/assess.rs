@@ -60,6 +60,9 @@ impl<'a, O: TransportOperator> Assessor<'a, O> {
         let mut all = Sums::default();
         let mut by_view = vec![Sums::default(); views];
         for (row, pixel) in self.problem.constraints.iter().enumerate() {
+            if pixel.weight <= 0.0 {
+                continue;
+            }
             let around = self.problem.surroundings[row];
             shown[row] = std::array::from_fn(|c| shown[row][c] + around[c]);
             let target = self.problem.wanted(row);

@@ -12,11 +12,12 @@ pub struct Constraint {
     pub y: usize,
     /// The painted colour.
     pub color: Rgb,
-    /// The painted alpha, in (0, 1].
+    /// The painted alpha, in (0, 1]; 0 of pixels that are not painted, where they are not skipped.
     pub weight: f32,
 }
 
-/// All painted pixels, view by view, row by row; and what is painted on each view.
+/// All painted pixels, view by view, row by row (and the others among them, where [`Skipping`](crate::scene::Skipping) says so);
+/// and what is painted on each view.
 ///
 /// Errors: [`Error::Empty`] when nothing is painted.
 pub fn constraints(scene: &Scene) -> Result<(Vec<Constraint>, Vec<RgbaImage>)> {
@@ -26,14 +27,14 @@ pub fn constraints(scene: &Scene) -> Result<(Vec<Constraint>, Vec<RgbaImage>)> {
         let painting = super::paint(painted)?;
         let width = painting.size()[0];
         for (index, &[r, g, b, weight]) in painting.pixels.iter().enumerate() {
-            if weight > 0.0 {
+            if weight > 0.0 || !scene.solve.skip.pixels {
                 let (x, y) = (index % width, index / width);
                 constraints.push(Constraint { view, x, y, color: [r, g, b], weight });
             }
         }
         paintings.push(painting);
     }
-    if constraints.is_empty() {
+    if constraints.iter().all(|pixel: &Constraint| pixel.weight <= 0.0) {
         return Err(Error::Empty {
             reason: "no pixel is painted in any view".to_owned(),
             remedy: "add strokes or layers to at least one view",

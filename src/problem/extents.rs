@@ -70,6 +70,7 @@ pub(super) fn fit_to(
         constraints
             .par_iter()
             .zip(lengths)
+            .filter(|(pixel, _)| pixel.weight > 0.0)
             .map(|(pixel, &length)| {
                 let camera = &scene.views[pixel.view].camera;
                 seen_along(scene, &camera.pixel_ray(pixel.x, pixel.y), length)
@@ -88,6 +89,7 @@ pub(super) fn fit_to(
         ShadowMap::open(shadow_grid)
     };
     let sky = sky_beams(scene, &sight)?;
+    let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };
     Ok(Maps { frame, light_map, shadow_map: Arc::new(shadow_map), sky })
 }
 

@@ -151,7 +151,7 @@ impl LightMapProblem {
     /// The share of the painted pixels' light that comes from outside the light map, where it keeps its colour.
     pub fn share_from_outside(&self) -> f64 {
         let sum = |weight: [f64; 3]| weight.iter().sum::<f64>();
-        let rows = 0..self.constraints.len();
+        let rows = (0..self.constraints.len()).filter(|&row| self.constraints[row].weight > 0.0);
         let (outside, all) = rows.fold((0.0, 0.0), |(outside, all), row| {
             (outside + sum(self.traversal.surrounding_weight(row)), all + sum(self.traversal.lit_weight(row)))
         });
@@ -161,16 +161,21 @@ impl LightMapProblem {
     /// The problem of at most `rows` of its rows, evenly spread.
     pub fn sampled(&self, rows: usize) -> Self {
         let stride = self.constraints.len().div_ceil(rows.max(1)).max(1);
-        fn every<T: Clone>(values: &[T], stride: usize) -> Vec<T> {
-            values.iter().step_by(stride).cloned().collect()
+        self.picked(&(0..self.constraints.len()).step_by(stride).collect::<Vec<usize>>())
+    }
+
+    /// The problem of some of its rows.
+    pub fn picked(&self, rows: &[usize]) -> Self {
+        fn of<T: Copy>(values: &[T], rows: &[usize]) -> Vec<T> {
+            rows.iter().map(|&row| values[row]).collect()
         }
-        let traversal = self.traversal.every(stride);
+        let traversal = self.traversal.picked(rows);
         Self {
-            constraints: every(&self.constraints, stride),
+            constraints: of(&self.constraints, rows),
             paintings: self.paintings.clone(),
             maps: self.maps.clone(),
-            targets: every(&self.targets, stride),
-            surroundings: every(&self.surroundings, stride),
+            targets: of(&self.targets, rows),
+            surroundings: of(&self.surroundings, rows),
             start: self.start,
             further_start: self.further_start.clone(),
             plan: plan(&traversal, self.grey),

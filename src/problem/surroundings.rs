@@ -41,6 +41,7 @@ pub(super) fn sky_beams(scene: &Scene, sight: &Sight) -> Result<Arc<[SkyBeam]>> 
             Some(grid) => ShadowMap::render(&scene.geometry, &frame, grid)?,
             None => ShadowMap::open(Grid::new(sight.over(&frame).grown(1.0), [1, 1])?),
         };
+        let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };
         Ok(SkyBeam { light, towards, solid_angle, frame, shadow_map })
     };
     let directions = |light| sky.basis.directions(light).into_iter().map(move |direction| (light, direction));

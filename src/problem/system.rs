@@ -31,7 +31,7 @@ pub struct System<'a, V: Indexed> {
     rhs: Blocks<V>,
     start: V,
     bounds: Bounds,
-    /// The elements that are unknown: those that a row reaches.
+    /// The elements that are unknown: those that a row reaches, unless nothing is skipped.
     columns: Vec<u32>,
     /// What the rows are divided by.
     norm: f64,
@@ -112,6 +112,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
             tolerance: settings.tolerance,
             time: settings.time_limit,
             discrepancy,
+            carry_on: !settings.skip.channels,
         }
     }
 
@@ -141,8 +142,8 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         coverage: &CpuVector,
         settings: &SolveSettings,
     ) -> Result<Self> {
-        let columns = reached(coverage);
-        if columns.is_empty() {
+        let reached = reached(coverage);
+        if reached.is_empty() {
             return Err(Error::Empty {
                 reason: "the light of the pixels is too weak to be computed with".to_owned(),
                 remedy: problem.remedy,
@@ -150,10 +151,14 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         }
         // Columns of what has no place are of another kind, and may be far longer: each kind has a λ relative to its own.
         let placed = problem.lattice.placed(problem.start.len());
-        let [of_lattice, of_others] = mean_squared_column_norms(coverage, placed, &columns);
+        let [of_lattice, of_others] = mean_squared_column_norms(coverage, placed, &reached);
         let (norm, unplaced) = match (of_lattice, of_others) {
             (Some(square), others) => (square.sqrt(), others.map_or(1.0, |other| other / square)),
             (None, others) => (others.unwrap_or_default().sqrt(), 1.0),
+        };
+        let columns = match settings.skip.unknowns {
+            true => reached,
+            false => (0..problem.start.len() as u32).collect(),
         };
         let factor = |weight: f32| (f64::from(weight).sqrt() / norm) as f32;
         let factors: Vec<Rgb> = problem.weights.iter().map(|weights| weights.map(factor)).collect();
@@ -203,6 +208,10 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         let asked = settings.regularization;
         // Who lies beside whom takes much memory, and often nobody asks.
         let among_neighbours = [asked.gradient, asked.laplacian] != [Weight::Relative(0.0); 2];
+        if among_neighbours && !settings.skip.unknowns {
+            let expected = "true where gradient or laplacian weigh: they join neighbours that are unknown, and no others";
+            return Err(Error::value("skip.unknowns", false, expected));
+        }
         Ok(Regularizers {
             tikhonov: match is_even {
                 false => {

@@ -17,6 +17,7 @@ mod primitive;
 mod procedural;
 mod settings;
 mod shadow_map;
+mod skipping;
 mod strokes;
 mod surroundings;
 mod view;
@@ -41,6 +42,7 @@ pub use settings::{
     Weight,
 };
 pub use shadow_map::ShadowMap;
+pub use skipping::Skipping;
 pub use strokes::Stroke;
 pub use surroundings::{Sky, Surroundings};
 pub use view::View;

@@ -1,6 +1,6 @@
 use std::time::Duration;
 
-use super::Extent;
+use super::{Extent, Skipping};
 
 /// Resolution and place of a light map or shadow map.
 #[derive(Debug, Clone, PartialEq)]
@@ -197,6 +197,8 @@ pub struct SolveSettings {
     pub memory: Option<u64>,
     /// The rest of a ray is skipped once its transmittance is below this.
     pub transmittance_bound: f64,
+    /// What else is skipped.
+    pub skip: Skipping,
 }
 
 impl SolveSettings {
@@ -229,6 +231,7 @@ impl Default for SolveSettings {
             strategy: Strategy::default(),
             memory: None,
             transmittance_bound: f64::powi(2.0, -24),
+            skip: Skipping::default(),
         }
     }
 }

@@ -90,6 +90,13 @@ impl ShadowMap {
         Self { grid: Grid { size: [1, 1], ..grid }, depth_origin: 0.0, levels: vec![top] }
     }
 
+    /// The same without its pyramid: nothing is known of a node, so that walks descend to every texel.
+    pub fn without_pyramid(mut self) -> Self {
+        let unknown = [f32::NEG_INFINITY, f32::INFINITY];
+        self.levels.iter_mut().skip(1).for_each(|level| level.ranges.fill(unknown));
+        self
+    }
+
     /// Where its texels lie.
     #[inline]
     pub fn grid(&self) -> &Grid {

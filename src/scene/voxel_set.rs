@@ -12,6 +12,8 @@ pub struct VoxelSet {
     size: [usize; 3],
     bricks: Vec<Brick>,
     len: usize,
+    /// Whether walks pass over bricks that hold nothing.
+    passes_over: bool,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -29,7 +31,8 @@ impl VoxelSet {
     /// The voxels of a lattice for which `holds` of their index is true.
     pub fn new(size: [usize; 3], holds: impl Fn(usize) -> bool) -> Self {
         let bricks = size.map(|side| side.div_ceil(BRICK));
-        let mut set = Self { size, bricks: vec![Brick::default(); bricks.iter().product()], len: 0 };
+        let mut set =
+            Self { size, bricks: vec![Brick::default(); bricks.iter().product()], len: 0, passes_over: true };
         let mut index = 0;
         for k in 0..size[2] {
             for j in 0..size[1] {
@@ -105,6 +108,22 @@ impl VoxelSet {
         self.bricks[(k * down + j) * across + i].len == 0
     }
 
+    /// The same, with walks that enter every brick.
+    pub fn entered_everywhere(self) -> Self {
+        Self { passes_over: false, ..self }
+    }
+
+    /// Whether walks pass over bricks that hold nothing.
+    pub fn passes_over_bricks(&self) -> bool {
+        self.passes_over
+    }
+
+    /// Whether walks pass over a brick.
+    #[inline(always)]
+    pub fn is_passed_over(&self, brick: [usize; 3]) -> bool {
+        self.passes_over && self.is_brick_empty(brick)
+    }
+
     /// Bricks without a voxel, and all bricks.
     pub fn empty_bricks(&self) -> [usize; 2] {
         [self.bricks.iter().filter(|brick| brick.len == 0).count(), self.bricks.len()]
@@ -175,6 +194,7 @@ impl VoxelSet {
             size: size.map(|side| side + 1),
             bricks: vec![Brick::default(); size.map(|side| (side + 1).div_ceil(BRICK)).iter().product()],
             len: 0,
+            passes_over: self.passes_over,
         };
         for [i, j, k] in self.voxels() {
             for corner in 0..8 {

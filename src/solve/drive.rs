@@ -130,7 +130,7 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
             method.begin(problem, &judge.s)?;
             judge.settle_by_tolerance(&mut history, method.measure());
         }
-        let live: Live = history.settled.map(|settled| !settled);
+        let live: Live = history.settled.map(|settled| limits.carry_on || !settled);
         history.spared += live.iter().filter(|live| !**live).count();
         method.step(problem, live).map_err(|error| error.in_iteration(iteration + 1))?;
         finite(method.measure(), iteration + 1)?;

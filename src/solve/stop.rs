@@ -15,12 +15,14 @@ pub struct Limits {
     /// Morozov's discrepancy principle: stop when ‖b − A x‖² of the data (the uppermost block) has fallen to this, the
     /// squared norm of the noise in b; to fit it better would be to fit the noise.
     pub discrepancy: Option<Scalars>,
+    /// Whether channels that are done go on with the others.
+    pub carry_on: bool,
 }
 
 impl Limits {
     /// So many iterations, or this tolerance.
     pub fn new(iterations: usize, tolerance: f64) -> Self {
-        Self { iterations, tolerance, time: None, discrepancy: None }
+        Self { iterations, tolerance, time: None, discrepancy: None, carry_on: false }
     }
 
     /// Errors: [`Error::Value`] naming a tolerance or discrepancy that is negative or not a number.

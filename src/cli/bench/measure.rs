@@ -20,7 +20,7 @@ use crate::solve::Control;
 use crate::{Error, Result};
 
 /// A solve that says it has converged may have as many tolerances left: what `solve::drive` confirms.
-const CONFIRMED: f64 = 1.5;
+pub(super) const CONFIRMED: f64 = 1.5;
 
 /// How long is measured, and how far is solved.
 #[derive(Debug, Clone, Copy)]
@@ -58,7 +58,8 @@ impl Patience {
         Ok((operator, Times { set_up, forward, backward }))
     }
 
-    fn median(&self, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
+    /// The median of what something takes.
+    pub(super) fn median(&self, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
         let [least, most] = self.repetitions;
         let (mut seconds, begun) = (Vec::new(), Instant::now());
         while seconds.len() < least || seconds.len() < most && begun.elapsed() < self.repeating {

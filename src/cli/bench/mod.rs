@@ -26,6 +26,7 @@ use log::Log;
 use measure::{Bench, Patience};
 use reference::Sample;
 use scaling::Scaling;
+use skipping::Comparison;
 use subject::Source;
 
 /// Rows of a sample where nothing is said, and in a hurry.
@@ -149,7 +150,9 @@ impl Job {
         let skipping = log.once(&format!("{name}/skipping"), || {
             sample(&mut samples, Between::Linear)?;
             match &samples[Between::Linear as usize] {
-                Some(sample) => skipping::skipped(self.bench.patience, &name, sample),
+                Some(sample) => {
+                    Comparison { patience: self.bench.patience, source, sample, rows: self.rows }.run()
+                }
                 None => Ok(Vec::new()),
             }
         })?;

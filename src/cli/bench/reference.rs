@@ -5,7 +5,7 @@ use std::cell::OnceCell;
 use super::cases::Between;
 use super::subject::{Problem, Rows, Stage};
 use crate::operator::{CpuVector, LinearOperator, Vector};
-use crate::problem::{HostOperator, System, TransportOperator, measure, minimize};
+use crate::problem::{HostOperator, Solved, System, TransportOperator, measure, minimize};
 use crate::scene::{MetricName, Rgb, SolveSettings, SolverName, Strategy};
 use crate::solve::Control;
 use crate::{Error, Result};
@@ -39,8 +39,8 @@ pub(super) struct Reference {
     objective: [f64; 2],
     /// ‖x₀ − x*‖.
     from_start: f64,
-    /// Squared projected gradient at the start over the curvature that the regularization guarantees; none without any.
-    steepness: Option<f64>,
+    /// Squared projected gradient at the start, and the curvature that the regularization guarantees; none without any.
+    steepness: Option<[f64; 2]>,
 }
 
 impl Sample {
@@ -103,7 +103,27 @@ impl Sample {
     /// everywhere as its Tikhonov term, so 2 (F(x) − F(x*)) ≤ ‖projected gradient‖² / λ. None where there is no such term.
     pub(super) fn bound(&self, reference: &Reference, part: f64) -> Option<f64> {
         let [least, start] = reference.objective;
-        Some(part.powi(2) * reference.steepness? / (start - least).max(f64::MIN_POSITIVE))
+        let [gradient, curvature] = reference.steepness?;
+        Some(part.powi(2) * gradient / curvature / (start - least).max(f64::MIN_POSITIVE))
+    }
+
+    /// How far from the solution, relative to the start, something may be whose projected gradient has fallen to a part of its
+    /// start: λ ‖x − x*‖ ≤ ‖projected gradient‖. None where there is no λ.
+    pub(super) fn nearness(&self, reference: &Reference, part: f64) -> Option<f64> {
+        let [gradient, curvature] = reference.steepness?;
+        Some(part * gradient.sqrt() / curvature / reference.from_start.max(f64::MIN_POSITIVE))
+    }
+
+    /// How far two solutions are apart, relative to how far the start is from the reference.
+    pub(super) fn apart(&self, reference: &Reference, a: &[Rgb], b: &[Rgb]) -> f64 {
+        distance(a, b) / reference.from_start.max(f64::MIN_POSITIVE)
+    }
+
+    /// A solve of the rows kept in f64.
+    pub(super) fn solve(&self, settings: &SolveSettings) -> Result<Solved> {
+        let formulation = self.problem.formulation(settings)?;
+        let go_on = |_: &_, _: &mut dyn crate::problem::Snapshot| Ok(Control::Continue);
+        minimize(&formulation, &self.wide, &self.coverage, settings, None, go_on)
     }
 
     fn find(&self, bounded: bool) -> Result<Reference> {
@@ -119,9 +139,7 @@ impl Sample {
                 iterations: ITERATIONS,
                 ..self.settings.clone()
             };
-            let formulation = self.problem.formulation(&settings)?;
-            let go_on = |_: &_, _: &mut dyn crate::problem::Snapshot| Ok(Control::Continue);
-            let solved = minimize(&formulation, &self.wide, &self.coverage, &settings, None, go_on)?;
+            let solved = self.solve(&settings)?;
             let worst = solved.outcome.true_normal_residual.iter().copied().fold(0.0, f64::max);
             tracing::info!(
                 worst,
@@ -152,14 +170,14 @@ impl Sample {
         })
     }
 
-    fn steepness(&self, solver: SolverName) -> Result<Option<f64>> {
+    fn steepness(&self, solver: SolverName) -> Result<Option<[f64; 2]>> {
         let settings = SolveSettings { solver, metric: MetricName::None, ..self.settings.clone() };
         let formulation = self.problem.formulation(&settings)?;
         let system = System::new(&formulation, &self.wide, &self.coverage, &settings)?;
         let pull = formulation.steering.map_or(1.0, |steering| steering.first.min(steering.then));
         let curvature = system.relative_weights().tikhonov * pull;
         let gradient = measure(&system.problem(), system.start())?.normal_residual.iter().sum::<f64>();
-        Ok((curvature > 0.0).then(|| gradient / curvature))
+        Ok((curvature > 0.0).then_some([gradient, curvature]))
     }
 
     /// ‖[W T E; √λ R] x − …‖² in f64, whatever x was found with.

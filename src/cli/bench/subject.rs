@@ -200,8 +200,7 @@ impl Problem {
                 let mut transport = problem.traversal.transport().clone();
                 transport.quadrature = quadrature;
                 transport.transmittance_bound = bound.unwrap_or(transport.transmittance_bound);
-                let rays = problem.traversal.rays().into();
-                problem.traversal = LightMapTraversal::new(transport, rays);
+                problem.traversal = problem.traversal.through(transport);
             }
             Self::Volume(_, problem) => match &problem.traversal {
                 VolumeRows::Voxels(rows) => {
@@ -221,6 +220,14 @@ impl Problem {
         Some(changed)
     }
 
+    /// Some of its rows.
+    pub(super) fn picked(&self, rows: &[usize]) -> Self {
+        match self {
+            Self::LightMap(problem) => Self::LightMap(problem.picked(rows)),
+            Self::Volume(find, problem) => Self::Volume(*find, problem.picked(rows)),
+        }
+    }
+
     pub(super) fn rows(&self) -> Rows {
         match self {
             Self::LightMap(problem) => Rows::LightMap(problem.traversal.clone()),
@@ -237,7 +244,7 @@ impl Problem {
 
     pub(super) fn start(&self) -> Vec<Rgb> {
         match self {
-            Self::LightMap(problem) => vec![problem.start; problem.maps.light_map.len()],
+            Self::LightMap(problem) => problem.starts(),
             Self::Volume(_, problem) => problem.start.clone(),
         }
     }

@@ -16,11 +16,23 @@ pub(super) fn summary(bench: &Bench, taken: usize, folder: &Path) -> String {
         lines.extend(bench.scaling.iter().map(sweep));
         lines.push(String::new());
     }
-    for skip in &bench.skipping {
+    if !bench.skipping.is_empty() {
         lines.push(format!(
-            "{}: {} skipped: {:.1e} s, not {:.1e} s; difference {:.1e}",
-            skip.scene, skip.what, skip.seconds.with, skip.seconds.without, skip.difference
+            "{:44} {:>9} {:>9} {:>9} {:>9} {:>9}",
+            "skipped", "work", "without", "seconds", "without", "differs"
         ));
+        lines.extend(bench.skipping.iter().map(|skip| {
+            format!(
+                "{:44} {:>9} {:>9} {:>9.1e} {:>9.1e} {:>9.0e}",
+                format!("{}: {}", skip.scene, skip.what),
+                skip.work.with,
+                skip.work.without,
+                skip.seconds.with,
+                skip.seconds.without,
+                skip.difference
+            )
+        }));
+        lines.push(String::new());
     }
     for law in bench.laws.iter().filter(|law| !law.holds) {
         lines.push(format!("BROKEN  {}", law.case));

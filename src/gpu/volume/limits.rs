@@ -29,6 +29,8 @@ pub(super) fn check(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumu
         format!("walks volumes in {LIGHTS} lights at most, and these are {lights}")
     } else if shared.basis != shared.density.interpolation() {
         "interpolates an unknown as it does the medium, and they differ".to_owned()
+    } else if !shared.density.cells().passes_over_bricks() {
+        "always passes over empty bricks, and was asked to enter them".to_owned()
     } else {
         return check_rounds(gpu, traversal, accumulation);
     };

@@ -43,7 +43,7 @@ pub use map::{Basis, Extent, LightMap, MapSize, ShadowMap};
 pub use medium::Medium;
 pub use occluder::{BoxShape, CylinderShape, GltfMesh, ObjMesh, Occluder, PlaneShape, SphereShape};
 pub use size::{MemorySize, parse_size};
-pub use solve::{MetricName, Quadrature, Solve, Solver, Strategy};
+pub use solve::{MetricName, Quadrature, Skip, Solve, Solver, Strategy};
 pub use surroundings::{Sky, Surroundings};
 pub use transform::{LookAt, Rotate, Transform};
 pub use view::{Camera, FovAxis, GltfCameraNode, Stroke, View};

@@ -5,7 +5,7 @@ use std::time::Duration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{self, Regularization, SolveSettings, SolverName};
+use crate::scene::{self, Regularization, Skipping, SolveSettings, SolverName};
 
 use super::channels::Channels;
 use super::flaw::{Built, Flaw, checked, within};
@@ -53,6 +53,37 @@ pub struct Solve {
     pub memory: Option<MemorySize>,
     /// The rest of a ray is skipped once its transmittance is below this; inside (0, 1).
     pub transmittance_bound: f64,
+    /// What else is skipped: all that no result depends on. Switches are there to see what that is worth.
+    #[serde(skip_serializing_if = "Skip::is_default")]
+    pub skip: Skip,
+}
+
+/// What is skipped because no result depends on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Skip {
+    /// Rays through pixels of which nothing is wanted.
+    pub pixels: bool,
+    /// Unknowns that no row reaches. Weights of `gradient` and `laplacian` need it.
+    pub unknowns: bool,
+    /// Texels of shadow maps, where a node of their pyramid is lit or shadowed as a whole.
+    pub shadows: bool,
+    /// Bricks of voxels that hold nothing.
+    pub bricks: bool,
+    /// Iterations of channels that have converged.
+    pub channels: bool,
+}
+
+impl Skip {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl Default for Skip {
+    fn default() -> Self {
+        Skipping::default().into()
+    }
 }
 
 /// The methods that can solve the problem.
@@ -141,6 +172,7 @@ impl Default for Solve {
             strategy: settings.strategy.into(),
             memory: settings.memory.map(MemorySize),
             transmittance_bound: settings.transmittance_bound,
+            skip: settings.skip.into(),
         }
     }
 }
@@ -188,6 +220,7 @@ impl Solve {
                 "above 0 and below 1",
                 |bound| bound > 0.0 && bound < 1.0,
             )?,
+            skip: self.skip.into(),
         })
     }
 }
@@ -259,6 +292,18 @@ macro_rules! same_names {
     };
 }
 
+impl From<Skip> for Skipping {
+    fn from(Skip { pixels, unknowns, shadows, bricks, channels }: Skip) -> Self {
+        Self { pixels, unknowns, shadows, bricks, channels }
+    }
+}
+
+impl From<Skipping> for Skip {
+    fn from(Skipping { pixels, unknowns, shadows, bricks, channels }: Skipping) -> Self {
+        Self { pixels, unknowns, shadows, bricks, channels }
+    }
+}
+
 same_names!(
     Solver, SolverName: Fista, Spectral, Lbfgs, Mprgp, FlexibleCgls, ClampedCgls, Cgls, Lsqr, Lsmr
 );
@@ -280,7 +325,7 @@ mod tests {
         let text = r#"{"solver": "clamped-cgls", "iterations": 7, "tolerance": 0.5, "seconds": 1.5, "tikhonov": 2,
             "gradient": "gcv", "laplacian": 0.5, "noise": 0.1, "lower": -1.5, "upper": [1, 2, 3], "metric": "jacobi",
              "fill": true, "quadrature": {"march": {"steps": 9}}, "strategy": "matrix-free", "memory": "3KiB",
-            "transmittance_bound": 0.25}"#;
+            "transmittance_bound": 0.25, "skip": {"shadows": false, "channels": false}}"#;
         let solve: Solve = serde_json::from_str(text).unwrap();
         let expected = SolveSettings {
             solver: SolverName::ClampedCgls,
@@ -301,6 +346,7 @@ mod tests {
             strategy: scene::Strategy::MatrixFree,
             memory: Some(3072),
             transmittance_bound: 0.25,
+            skip: Skipping { shadows: false, channels: false, ..Skipping::default() },
         };
         assert_eq!(solve.build(scene::Basis::Nearest).unwrap(), expected);
     }

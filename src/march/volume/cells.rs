@@ -73,7 +73,7 @@ impl CellRay {
         (a < b).then_some([a, b])
     }
 
-    /// Visits the pieces of [a, b] in cells of the set's bricks that are not empty, in order: the cell, and where the piece
+    /// Visits the pieces of [a, b] in cells of the set's bricks that are not passed over, in order: the cell, and where the piece
     /// begins and ends. Every cell comes at most once.
     #[inline(always)]
     pub(super) fn pieces(
@@ -86,7 +86,7 @@ impl CellRay {
         let last = set.size().map(|side| side - 1);
         let last_brick = set.bricks().map(|side| side - 1);
         self.coarse().walk([0; 3], last_brick, a, b, |brick, a, b| {
-            if set.is_brick_empty(brick) {
+            if set.is_passed_over(brick) {
                 return ControlFlow::Continue(());
             }
             let low = brick.map(|i| i * BRICK);

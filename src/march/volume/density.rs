@@ -57,6 +57,11 @@ impl Density {
         Self { volume, interpolation, full: full(&cells), cells: Arc::new(cells) }
     }
 
+    /// The same, with walks that enter bricks without extinction, too.
+    pub fn entered_everywhere(self) -> Self {
+        Self { cells: Arc::new(Arc::unwrap_or_clone(self.cells).entered_everywhere()), ..self }
+    }
+
     /// Extinction at the centres of voxels.
     pub fn volume(&self) -> &Volume {
         &self.volume

@@ -115,11 +115,7 @@ impl LinearizedTraversal {
         std::array::from_fn(|c| sum[c] + left[c] * behind[c])
     }
 
-    fn weights<const C: usize, W: Window<C>>(
-        &self,
-        row: usize,
-        visit: &mut Visit<C>,
-    ) {
+    fn weights<const C: usize, W: Window<C>>(&self, row: usize, visit: &mut Visit<C>) {
         let part = &self.medium.parts()[0];
         let mut beyond = self.radiance_with::<C, W>(row);
         let mut window = W::new(part.grid.size());

@@ -73,6 +73,12 @@ impl Part {
         Self { quantity, grid, basis, voxels, cells, uniform }
     }
 
+    /// The same, with walks that enter bricks without elements, too.
+    pub fn entered_everywhere(&self) -> Self {
+        let everywhere = |set: &VoxelSet| Arc::new(set.clone().entered_everywhere());
+        Self { voxels: everywhere(&self.voxels), cells: everywhere(&self.cells), ..self.clone() }
+    }
+
     /// Which voxels are elements, in the order of their numbers.
     pub fn voxels(&self) -> &VoxelSet {
         &self.voxels
@@ -193,15 +199,34 @@ impl VolumeTraversal {
         meets
     }
 
+    /// Cells that a row is walked through, whether or not they hold anything.
+    pub fn cells_entered(&self, row: usize) -> usize {
+        let density = &self.transport.density;
+        let mut count = 0;
+        for part in &self.parts {
+            let (grid, set, shift) = match part.quantity {
+                Quantity::Extinction => (&part.grid, &*part.cells, part.basis.cells().0),
+                _ => (density.grid(), density.cells(), density.interpolation().cells().0),
+            };
+            self.each_line(row, |line, a, b| {
+                let cells = CellRay::new(line, grid, shift);
+                let high = grid.size().map(|side| side as f64 + shift);
+                if let Some([a, b]) = cells.clip(shift, high, a, b) {
+                    let _all_counted = cells.pieces(set, a, b, |_, _, _| {
+                        count += 1;
+                        ControlFlow::Continue(())
+                    });
+                }
+                true
+            });
+        }
+        count
+    }
+
     /// Visits the voxels of a part's grid, elements or not, that a row sees; returns what is left of light at the row's end, to
     /// the transmittance bound (of extinction, which knows none, 1).
     #[inline]
-    pub fn trace<const C: usize>(
-        &self,
-        row: usize,
-        part: &Part,
-        visit: &mut Visit<C>,
-    ) -> Weight<f64, C> {
+    pub fn trace<const C: usize>(&self, row: usize, part: &Part, visit: &mut Visit<C>) -> Weight<f64, C> {
         // A bent ray may come back to a voxel; and so do channels that are sampled at places of their own.
         let comes_back = self.transport.refraction.is_some()
             || matches!(part.quantity, Quantity::InScattered(_)) && !self.transport.density.is_grey();
@@ -215,12 +240,7 @@ impl VolumeTraversal {
     }
 
     #[inline]
-    fn trace_in<const C: usize>(
-        &self,
-        row: usize,
-        part: &Part,
-        visit: &mut Visit<C>,
-    ) -> Weight<f64, C> {
+    fn trace_in<const C: usize>(&self, row: usize, part: &Part, visit: &mut Visit<C>) -> Weight<f64, C> {
         match self.transport.basis {
             Interpolation::Nearest => self.trace_with::<C, Nearest<C>>(row, part, visit),
             Interpolation::Trilinear => self.trace_with::<C, Trilinear<C>>(row, part, visit),

@@ -117,10 +117,7 @@ impl<const C: usize> Sink<C> for Scattered<'_, '_, C> {
 }
 
 /// Adds up what one voxel gets from a ray that comes back to it.
-pub(super) fn merged<const C: usize>(
-    mut seen: Vec<([usize; 3], Weight<f64, C>)>,
-    visit: &mut Visit<C>,
-) {
+pub(super) fn merged<const C: usize>(mut seen: Vec<([usize; 3], Weight<f64, C>)>, visit: &mut Visit<C>) {
     seen.sort_by_key(|&([i, j, k], _)| [k, j, i]);
     for same in seen.chunk_by(|a, b| a.0 == b.0) {
         let mut sum = [0.0; C];

@@ -20,13 +20,7 @@ pub(super) trait Window<const C: usize> {
     fn new(size: [usize; 3]) -> Self;
 
     /// Adds `weight · v` for every basis function v, at position `at` (in cells) inside `cell`.
-    fn sample(
-        &mut self,
-        cell: [usize; 3],
-        at: [f64; 3],
-        weight: Weight<f64, C>,
-        visit: &mut Visit<C>,
-    );
+    fn sample(&mut self, cell: [usize; 3], at: [f64; 3], weight: Weight<f64, C>, visit: &mut Visit<C>);
 
     /// Visits what is left at the end of a ray.
     fn finish(self, visit: &mut Visit<C>);
@@ -48,13 +42,7 @@ impl<const C: usize> Window<C> for Nearest<C> {
     }
 
     #[inline(always)]
-    fn sample(
-        &mut self,
-        cell: [usize; 3],
-        _at: [f64; 3],
-        weight: Weight<f64, C>,
-        visit: &mut Visit<C>,
-    ) {
+    fn sample(&mut self, cell: [usize; 3], _at: [f64; 3], weight: Weight<f64, C>, visit: &mut Visit<C>) {
         if cell == self.voxel {
             return add(&mut self.weight, weight);
         }
@@ -130,13 +118,7 @@ impl<const C: usize> Window<C> for Trilinear<C> {
     }
 
     #[inline(always)]
-    fn sample(
-        &mut self,
-        cell: [usize; 3],
-        at: [f64; 3],
-        weight: Weight<f64, C>,
-        visit: &mut Visit<C>,
-    ) {
+    fn sample(&mut self, cell: [usize; 3], at: [f64; 3], weight: Weight<f64, C>, visit: &mut Visit<C>) {
         self.move_to(cell, visit);
         let parts = parts(cell, at, self.size);
         for (tap, part) in self.taps.iter_mut().zip(parts) {

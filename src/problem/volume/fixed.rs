@@ -118,7 +118,7 @@ impl<'a> Fixed<'a> {
     }
 }
 
-/// The pixels that something is wanted of, view by view, and how many others there are.
+/// The pixels that something is wanted of (or all, where none is to be skipped), view by view, and how many others there are.
 ///
 /// Squares of 8 × 8 neighbours stand together: their rays meet the same voxels.
 pub(super) fn wanted_pixels(scene: &VolumeScene, desired: &[Desired]) -> (Vec<[u32; 2]>, usize) {
@@ -134,7 +134,7 @@ pub(super) fn wanted_pixels(scene: &VolumeScene, desired: &[Desired]) -> (Vec<[u
             for y in top..(top + SIDE).min(height) {
                 for x in left..(left + SIDE).min(width) {
                     let pixel = y * width + x;
-                    if desired.pixels[pixel][3] > 0.0 {
+                    if desired.pixels[pixel][3] > 0.0 || !scene.solve.skip.pixels {
                         pixels.push([view as u32, pixel as u32]);
                     }
                 }

@@ -52,7 +52,8 @@ impl Optics {
     /// direction.
     pub fn new(scene: &VolumeScene, state: &VolumeState) -> Result<Self> {
         let VolumeState { medium, environment } = state;
-        let density = Arc::new(Density::new(medium.extinction.clone(), medium.interpolation));
+        let density = Density::new(medium.extinction.clone(), medium.interpolation);
+        let density = Arc::new(if scene.solve.skip.bricks { density } else { density.entered_everywhere() });
         let refraction = medium.refraction.as_ref().map(|(index, step)| {
             let step = step.unwrap_or_else(|| 0.5 * shortest_side(index.grid()));
             Ok::<_, Error>(Arc::new(Refraction::new(index.clone(), step)?))

@@ -221,7 +221,7 @@ impl VolumeProblem {
     }
 
     /// The problem of some of its rows.
-    fn picked(&self, picked: &[usize]) -> Self {
+    pub fn picked(&self, picked: &[usize]) -> Self {
         let every = |values: &[Rgb]| picked.iter().map(|&row| values[row]).collect();
         let traversal = self.traversal.picked(picked);
         Self {

@@ -118,6 +118,7 @@ impl Searched {
             Some(hull) => candidates.intersection(&hull),
             None => candidates.clone(),
         };
+        let voxels = if scene.solve.skip.bricks { voxels } else { voxels.entered_everywhere() };
         self.outside_hull += candidates.len() - voxels.len();
         let first = if self.parts.is_empty() { 0 } else { grid.len() as u32 };
         for index in voxels.indices() {

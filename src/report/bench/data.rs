@@ -264,9 +264,9 @@ pub struct Skipped {
     pub unit: String,
     /// How much of it there is to do.
     pub work: Pair,
-    /// Seconds of T x and Tᵀ y together.
+    /// Seconds of T x and Tᵀ y together, or of a solve.
     pub seconds: Pair,
-    /// ‖difference of T x‖ / ‖T x‖.
+    /// Of what that gives, relative; of solutions relative to ‖x₀ − x*‖.
     pub difference: f64,
     /// What that may be at most.
     pub bound: f64,

@@ -251,7 +251,7 @@ fn skipping(skipped: &[Skipped]) -> String {
         return rows;
     }
     format!(
-        "<section>\n<h2>Skipping</h2>\n<p>Work and time of both products with and without each thing that is skipped, and \
+        "<section>\n<h2>Skipping</h2>\n<p>Work and time of both products, or of a solve, with and without each thing that is skipped, and \
          what it changes.</p>\n<table class=\"bench\">\n<thead><tr><th></th><th>off by</th><th>work</th><th>time</th>\
          <th>without</th><th>difference</th><th>at most</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n</section>\n"
     )

@@ -10,6 +10,7 @@ mod matrix;
 mod nothing_lost;
 mod other_commands;
 mod pictures;
+mod skipping;
 mod solving;
 mod stress;
 mod surroundings;
