@@ -5,10 +5,13 @@
 //! of what is counted and timed.
 #![allow(missing_docs, clippy::unwrap_used, reason = "a bench that cannot go on should stop")]
 #![allow(clippy::print_stdout, reason = "figures are what it is for")]
+#![allow(unreachable_pub, reason = "nothing here is public")]
 
 mod gradient_descent;
 mod race;
 mod random;
+#[path = "../../tests/scenes/mod.rs"]
+mod scenes;
 
 use std::path::Path;
 use std::time::Instant;

@@ -8,6 +8,7 @@ use unscatter::scene::{MetricName, SolverName, Strategy};
 use unscatter::solve::LeastSquares;
 
 use crate::race::{self, Race};
+use crate::scenes::Numbers;
 
 /// Rows of a few runs of neighbouring elements, as rays give them.
 #[derive(Clone)]
@@ -32,22 +33,12 @@ impl Traversal<f64, 1> for Runs {
         let mut n = Numbers(((row % self.rank) as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let stride = self.elements / self.runs;
         for run in 0..self.runs {
-            let length = 1 + (n.uniform() * 24.0) as usize;
-            let first = run * stride + (n.uniform() * (stride - length) as f64) as usize;
-            let weight = n.uniform().powi(3);
-            (first..first + length).for_each(|element| visit(element, [weight * (0.2 + n.uniform())]));
+            let length = 1 + (n.uniform(0.0, 1.0) * 24.0) as usize;
+            let first = run * stride + (n.uniform(0.0, 1.0) * (stride - length) as f64) as usize;
+            let weight = n.uniform(0.0, 1.0).powi(3);
+            (first..first + length)
+                .for_each(|element| visit(element, [weight * (0.2 + n.uniform(0.0, 1.0))]));
         }
-    }
-}
-
-struct Numbers(u64);
-
-impl Numbers {
-    fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as f64 * f64::powi(2.0, -53)
     }
 }
 
@@ -69,7 +60,7 @@ pub(crate) fn table(most: f64) {
         let stacked = Stacked::new(&operator).over(Identity::scaled(&start, [root; 3])).unwrap();
         let mut n = Numbers(7);
         let targets =
-            CpuVector((0..rows).map(|_| std::array::from_fn(|_| 6.0 * n.uniform() as f32)).collect());
+            CpuVector((0..rows).map(|_| std::array::from_fn(|_| 6.0 * n.uniform(0.0, 1.0) as f32)).collect());
         let mut pulled = start.clone();
         pulled.scale([root; 3]);
         let rhs = Blocks(vec![targets, pulled]);

@@ -15,6 +15,7 @@ mod layers;
 mod mutation;
 mod operator;
 mod render;
+#[path = "../scenes/mod.rs"]
 mod scenes;
 mod solve;
 mod surroundings;

@@ -9,6 +9,7 @@ use unscatter::operator::{
 use unscatter::scene::{Basis, Quadrature, Strategy};
 use unscatter::sparse::ExplicitMatrix;
 
+use crate::scenes::field::Field;
 use crate::scenes::{self, Numbers};
 use crate::tolerances::{ADJOINT_F32, ADJOINT_F64, AGAINST_EXPLICIT};
 
@@ -40,6 +41,32 @@ fn products<T: LinearOperator>(operator: &T, seed: u64) -> [Vec<[f64; 3]>; 2] {
     y.set_from_host(&random_vector(y.len(), seed + 1).0).unwrap();
     operator.apply_adjoint(&y, &mut x).unwrap();
     [forward, x.to_host().unwrap()]
+}
+
+#[test]
+fn the_field_of_the_benches_has_the_rows_it_says_and_obeys_the_same_laws() {
+    for basis in [Basis::Nearest, Basis::Bilinear] {
+        let field = Field { picture: [64, 36], painted: 241, map: 64, basis, ..Field::PAPER };
+        let traversal = field.traversal();
+        assert_eq!(traversal.rays().len(), 241);
+        let explicit = ExplicitMatrix::new::<1>(&traversal, u64::MAX).unwrap();
+        let truth = products(&explicit, 3);
+        let plan = WalkPlan::new::<f32, 1>(&traversal);
+        for strategy in STRATEGIES {
+            let operator = Transport::<_, f32, 1>::new(traversal.clone(), &plan, strategy, u64::MAX).unwrap();
+            let products = products(&operator, 3);
+            assert!((0..2).all(|way| relative_difference(&products[way], &truth[way]) <= AGAINST_EXPLICIT));
+            assert!(adjoint_test(&operator, 2, 3).unwrap().error <= ADJOINT_F32);
+        }
+        // The next pixel of one view is another ray.
+        let mut rays = traversal.rays().to_vec();
+        let seen = (0..rays.len() - 1)
+            .max_by(|&a, &b| traversal.inside_weight(a)[0].total_cmp(&traversal.inside_weight(b)[0]));
+        rays[seen.unwrap()] = rays[seen.unwrap() + 1];
+        let other = LightMapTraversal::new(traversal.transport().clone(), rays.into());
+        let other = products(&ExplicitMatrix::new::<1>(&other, u64::MAX).unwrap(), 3);
+        assert!((0..2).all(|way| relative_difference(&other[way], &truth[way]) > AGAINST_EXPLICIT));
+    }
 }
 
 proptest! {

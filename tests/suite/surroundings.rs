@@ -13,73 +13,10 @@ use unscatter::solve::Control;
 use unscatter::sparse::ExplicitMatrix;
 
 use crate::scenes::Numbers;
+use crate::scenes::mist::{CASES, Case, scene_of};
 use crate::tolerances::{
     ADJOINT_F32, ADJOINT_F64, AGAINST_EXPLICIT, SURROUNDINGS_FOUND, SURROUNDINGS_PICTURE, SURROUNDINGS_TRACED,
 };
-
-/// A roof and a coloured block in mist over a floor, with open air beside them, painted nearly everywhere.
-const SCENE: &str = r##"{
-    "version": 1,
-    "light": {"direction": [0.4, -1, 0.25], "radiance": [3, 2.5, 2]},
-    "medium": {"sigma_t": 0.06, "albedo": 0.9, "g": 0.25},
-    "ambient": [0.02, 0.03, 0.04],
-    "surroundings": SURROUNDINGS,
-    "occluders": [
-        {"box": {"center": [-0.5, 3.5, 0], "size": [4, 0.3, 3], "albedo": 0.6}},
-        {"box": {"center": [1.5, 0.5, 1], "size": [1, 1, 1], "albedo": BLOCK}},
-        {"plane": {"center": [0, 0, 0], "sides": [[0, 0, 14], [14, 0, 0]], "albedo": 0.5}}
-    ],
-    "views": [
-        {"name": "front", "camera": {"to_world": {"look_at": {"origin": [1, 2.5, 11], "target": [0, 1.8, 0]}}, "fov": 50, "size": [40, 28]},
-         "strokes": [{"points": [[4, 4], [36, 6]], "radius": 9, "color": [0.7, 0.5, 0.4]},
-                     {"points": [[6, 22], [34, 20]], "radius": 7, "color": [0.4, 0.5, 0.8]}]},
-        {"name": "side", "camera": {"to_world": {"look_at": {"origin": [-10, 4, 3], "target": [0, 1.5, 0]}}, "fov": 45, "size": [36, 28]},
-         "strokes": [{"points": [[3, 14], [33, 14]], "radius": 12, "color": [0.5, 0.6, 0.5]}]}
-    ],
-    "light_map": {"size": [23, 19], "basis": "BASIS", "extent": {"min": [-1.7, -1.4], "max": [1.5, 1.6]}},
-    "shadow_map": {"size": 512},
-    "target": "TARGET",
-    "solve": {"iterations": 400, "tolerance": 1e-6, "tikhonov": 1e-6}
-}"##;
-
-/// What differs from case to case.
-#[derive(Debug, Clone, Copy)]
-struct Case {
-    surroundings: &'static str,
-    basis: &'static str,
-    target: &'static str,
-    block: &'static str,
-}
-
-const DISCS: &str = r#"{"sun": true, "environment": {"radiance": [0.1, 0.12, 0.2], "shadow_map": 512,
-    "lights": {"count": 9, "over": "upper-hemisphere", "samples": 2}}}"#;
-const CASES: [Case; 4] = [
-    Case { surroundings: DISCS, basis: "bilinear", target: "radiance", block: "[0.8, 0.3, 0.2]" },
-    Case { surroundings: DISCS, basis: "nearest", target: "tint", block: "0.3" },
-    Case { surroundings: r#"{"sun": true}"#, basis: "bilinear", target: "tint", block: "0.3" },
-    Case {
-        surroundings: r#"{"environment": {"lights": {"map": [5, 4]}, "shadow_map": 64}}"#,
-        basis: "bilinear",
-        target: "radiance",
-        block: "[0.1, 0.9, 0.2]",
-    },
-];
-
-fn scene_of(case: &Case) -> Scene {
-    let text = SCENE
-        .replace("SURROUNDINGS", case.surroundings)
-        .replace("BASIS", case.basis)
-        .replace("TARGET", case.target)
-        .replace("BLOCK", case.block);
-    loaded(&text)
-}
-
-fn loaded(text: &str) -> Scene {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("scene.json");
-    std::fs::write(&path, text).unwrap();
-    unscatter::io::scene_file::load(&path, &[]).unwrap()
-}
 
 fn explicit(problem: &LightMapProblem) -> ExplicitMatrix {
     match problem.is_grey() {

@@ -1,7 +1,7 @@
 //! T on the device, walked and kept, against the explicit matrix in f64 and against the CPU.
 
 use proptest::prelude::*;
-use unscatter::cpu::{Rows, Transport as CpuTransport, WalkPlan};
+use unscatter::cpu::{Transport as CpuTransport, WalkPlan};
 use unscatter::gpu::{Accumulation, Choice, Gpu, GpuVector, Kept, RowTable, Walked};
 use unscatter::march::{LightMapTraversal, Traversal};
 use unscatter::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
@@ -44,20 +44,7 @@ fn explicit(traversal: &LightMapTraversal, colored: bool) -> ExplicitMatrix {
 
 /// The rows as the CPU keeps them.
 fn table(traversal: &LightMapTraversal, colored: bool) -> RowTable {
-    fn read<const C: usize>(traversal: &LightMapTraversal) -> RowTable {
-        let plan = WalkPlan::new::<f32, C>(traversal);
-        let kept = CpuTransport::<_, f32, C>::new(traversal.clone(), &plan, Storage::Auto, u64::MAX).unwrap();
-        let mut table = RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); C] };
-        for row in 0..Rows::<f32, C>::rows(&kept) {
-            kept.visit(row, &mut |element, weight: [f32; C]| {
-                table.elements.push(element as u32);
-                (0..C).for_each(|c| table.weights[c].push(weight[c]));
-            });
-            table.offsets.push(table.elements.len());
-        }
-        table
-    }
-    if colored { read::<3>(traversal) } else { read::<1>(traversal) }
+    if colored { scenes::kept_rows::<3>(traversal) } else { scenes::kept_rows::<1>(traversal) }
 }
 
 fn agree(got: &[Vec<[f64; 3]>; 2], truth: &[Vec<[f64; 3]>; 2]) -> Result<(), TestCaseError> {

@@ -67,6 +67,27 @@ fn no_kernel_is_without_its_host_side_and_its_twin() {
     }
 }
 
+/// The words inside the string literals of a bench.
+fn words_of_literals(text: &str) -> BTreeSet<String> {
+    let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+    let words = |literal: &str| -> Vec<String> {
+        literal.split(|c: char| !c.is_alphanumeric() && c != '_').map(str::to_owned).collect()
+    };
+    code.flat_map(|line| line.split('"').skip(1).step_by(2)).flat_map(words).collect()
+}
+
+#[test]
+fn every_kernel_has_a_bench() {
+    let files = fs::read_dir(root().join("benches/kernels")).unwrap();
+    let texts = files.map(|file| fs::read_to_string(file.unwrap().path()).unwrap());
+    let benches: BTreeSet<String> = texts.flat_map(|text| words_of_literals(&text)).collect();
+    for (name, ..) in TWINS {
+        assert!(benches.contains(*name), "no bench of benches/kernels/ names {name}");
+    }
+    let noted = words_of_literals("// a bench of \"dot\"\nbench(\"hold_at_bounds, kept\");");
+    assert!(noted.contains("hold_at_bounds") && !noted.contains("dot") && !noted.contains("hold"));
+}
+
 #[test]
 fn every_text_of_the_prelude_is_part_of_a_kernel() {
     let texts = kernel_texts();

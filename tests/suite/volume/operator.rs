@@ -3,10 +3,11 @@
 use unscatter::cpu::{Transport, WalkPlan};
 use unscatter::march::{Real, Refraction};
 use unscatter::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
-use unscatter::scene::Strategy;
+use unscatter::scene::{Find, Strategy};
 use unscatter::sparse::ExplicitMatrix;
 
 use super::*;
+use crate::scenes::volume::Cloud;
 use crate::tolerances::{ADJOINT_F32, ADJOINT_F64, AGAINST_EXPLICIT};
 
 const ROWS: usize = 700;
@@ -86,6 +87,30 @@ fn every_storage_is_the_explicit_matrix_and_has_its_adjoint() {
     for basis in BOTH {
         agrees::<1>(&random_traversal(3, ROWS, 1, basis));
         agrees::<3>(&random_traversal(4, ROWS, 3, basis));
+    }
+}
+
+#[test]
+fn clouds_of_the_benches_obey_the_same_laws() {
+    for basis in BOTH {
+        for is_full in [false, true] {
+            let cloud = Cloud::seen_twice(is_full, basis).shrunk(8);
+            let problem = cloud.problem(Find::Emission);
+            assert_eq!(problem.targets.len() + problem.left_out.beside, 2 * 60 * 60);
+            let truth = products(&ExplicitMatrix::new::<1>(&problem.traversal, u64::MAX).unwrap());
+            for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
+                let operator = problem.operator(strategy, u64::MAX).unwrap();
+                let products = products(&operator);
+                assert!((0..2).all(|way| relative(&products[way], &truth[way]) <= AGAINST_EXPLICIT));
+                assert!(adjoint_test(&operator, 2, 3).unwrap().error <= ADJOINT_F32);
+            }
+            // The other basis is another matrix.
+            let other = if basis == BOTH[0] { BOTH[1] } else { BOTH[0] };
+            let other = Cloud { basis: other, ..cloud }.problem(Find::Emission);
+            let shown = products(&ExplicitMatrix::new::<1>(&other.traversal, u64::MAX).unwrap());
+            let same = shown[0].len() == truth[0].len() && shown[1].len() == truth[1].len();
+            assert!(!same || relative(&shown[1], &truth[1]) > AGAINST_EXPLICIT);
+        }
     }
 }
 

@@ -1,4 +1,10 @@
-//! Small random scenes for the tests of traversals and operators.
+//! Scenes that tests and benches share, built in code.
+#![allow(dead_code, reason = "tests and each bench take what they need")]
+#![allow(clippy::unwrap_used, reason = "a test or bench that cannot go on should stop")]
+
+pub mod field;
+pub mod mist;
+pub mod volume;
 
 use std::sync::Arc;
 
@@ -74,4 +80,26 @@ pub fn random(seed: u64, rays: usize, basis: Basis, quadrature: Quadrature) -> L
         mask: None,
     };
     LightMapTraversal::new(transport, rays.into())
+}
+
+/// The rows of a traversal as the processor keeps them.
+#[cfg(feature = "gpu")]
+pub fn kept_rows<const C: usize>(
+    traversal: &(impl unscatter::march::Traversal<f64, C> + Clone),
+) -> unscatter::gpu::RowTable {
+    use unscatter::cpu::{Rows, Transport, WalkPlan};
+    use unscatter::gpu::RowTable;
+    use unscatter::scene::Strategy;
+
+    let plan = WalkPlan::new::<f32, C>(traversal);
+    let kept = Transport::<_, f32, C>::new(traversal.clone(), &plan, Strategy::Auto, u64::MAX).unwrap();
+    let mut table = RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); C] };
+    for row in 0..Rows::<f32, C>::rows(&kept) {
+        kept.visit(row, &mut |element, weight: [f32; C]| {
+            table.elements.push(element as u32);
+            (0..C).for_each(|c| table.weights[c].push(weight[c]));
+        });
+        table.offsets.push(table.elements.len());
+    }
+    table
 }

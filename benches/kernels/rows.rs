@@ -1,0 +1,181 @@
+//! Products of rows that are kept on the adapter, and walked there; fixed point; iterations.
+
+use std::cell::LazyCell;
+use std::ops::Deref;
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+use unscatter::Result;
+use unscatter::cpu::WalkPlan;
+use unscatter::gpu::{Gpu, GpuVector, Kept, Transport, Walked};
+use unscatter::march::{LightMapTraversal, Traversal, ViewRay};
+use unscatter::operator::{Blocks, Identity, LinearOperator, Stacked, Vector};
+use unscatter::problem::VolumeRows;
+use unscatter::scene::{Find, Interpolation};
+use unscatter::solve::{Beginning, Cgls, Control, LeastSquares, Limits, drive};
+
+use crate::rates::{Rates, Round, Work};
+use crate::scenes::field::Field;
+use crate::scenes::kept_rows;
+use crate::scenes::volume::Cloud;
+use crate::{COLOR, on_adapter};
+
+/// Bytes of a ray that is walked, and of a non-zero that is kept.
+const RAY: u64 = 160;
+const NONZERO: u64 = 8;
+/// Iterations of a run; software adapters take seconds for one.
+const ITERATIONS: [usize; 2] = [32, 3];
+
+/// `kept`, `walked`, `walked, near sums` and `walked, fixed point`.
+pub fn light_map(rates: &mut Rates, group: &str, [gpu, near]: [&Gpu; 2], field: &Field) {
+    let traversal = LazyCell::new(|| field.traversal());
+    let nonzeros = LazyCell::new(|| foreseen(&*traversal));
+    let walked = |gpu, fixed| Transport::Walked(Walked::light_map(gpu, &traversal, false, fixed).unwrap());
+    let kept = LazyCell::new(|| Transport::Kept(kept(gpu, &*traversal)));
+    let alone = LazyCell::new(|| walked(gpu, false));
+    let beside = LazyCell::new(|| walked(near, false));
+    let fixed = LazyCell::new(|| walked(gpu, true));
+    let (rays, [_, sums @ ..]) = (field.painted as u64, &PRODUCTS);
+    // More than that has no room.
+    if field.painted < Field::LARGE.painted {
+        let work = || Work { rays, nonzeros: *nonzeros, bytes: NONZERO * *nonzeros };
+        products(rates, group, ("rows kept", &PRODUCTS), gpu, &kept, &work);
+        iteration(rates, group, "rows kept", gpu, &kept, &work);
+    }
+    let work = || Work { rays, nonzeros: *nonzeros, bytes: RAY * rays };
+    products(rates, group, ("walked", &PRODUCTS), gpu, &alone, &work);
+    products(rates, group, ("walked, near sums", sums), near, &beside, &work);
+    products(rates, group, ("walked, fixed point", sums), gpu, &fixed, &work);
+    iteration(rates, group, "walked", gpu, &alone, &work);
+}
+
+/// Emission of a volume, as far as it is walked or kept.
+pub fn volumes(rates: &mut Rates, gpu: &Gpu, shrunk: usize) {
+    for (name, basis) in [("nearest", Interpolation::Nearest), ("trilinear", Interpolation::Trilinear)] {
+        let rows = LazyCell::new(|| {
+            let problem = Cloud::seen_twice(false, basis).shrunk(shrunk).problem(Find::Emission);
+            let VolumeRows::Voxels(rows) = problem.traversal else { unreachable!("rows over voxels") };
+            rows
+        });
+        let nonzeros = LazyCell::new(|| foreseen(&*rows));
+        let walked = |fixed| Transport::Walked(Walked::volume(gpu, &rows, false, fixed).unwrap());
+        let kept = LazyCell::new(|| Transport::Kept(kept(gpu, &*rows)));
+        let alone = LazyCell::new(|| walked(false));
+        let fixed = LazyCell::new(|| walked(true));
+        let group = format!("volume, {name}");
+        let (rays, [_, sums @ ..]) = (|| rows.rays().len() as u64, &PRODUCTS);
+        let work = || Work { rays: rays(), nonzeros: *nonzeros, bytes: NONZERO * *nonzeros };
+        products(rates, &group, ("rows kept", &PRODUCTS), gpu, &kept, &work);
+        let work = || Work { rays: rays(), nonzeros: *nonzeros, bytes: RAY * rays() };
+        products(rates, &group, ("walked", &PRODUCTS), gpu, &alone, &work);
+        products(rates, &group, ("walked, fixed point", sums), gpu, &fixed, &work);
+    }
+}
+
+fn foreseen(traversal: &impl Traversal<f64, 1>) -> u64 {
+    WalkPlan::new::<f32, 1>(traversal).nonzeros
+}
+
+fn kept<T: Traversal<f64, 1> + Clone>(gpu: &Gpu, traversal: &T) -> Kept {
+    let table = kept_rows::<1>(traversal);
+    let mut met = vec![0; traversal.elements()];
+    table.elements.iter().for_each(|&element| met[element as usize] += 1);
+    println!("one element is met by {} of {} rays", met.iter().max().unwrap(), traversal.rows());
+    Kept::new(gpu, table, met.len()).unwrap()
+}
+
+type Product = fn(&Transport, &mut GpuVector, &mut GpuVector) -> Result<()>;
+
+const PRODUCTS: [(&str, Product); 3] = [
+    ("gather", |operator, x, y| operator.apply(x, y)),
+    ("scatter", |operator, x, y| operator.apply_adjoint(y, x)),
+    ("squares", |operator, x, y| match operator {
+        Transport::Kept(kept) => kept.squares(y, x),
+        Transport::Walked(walked) => walked.squares(y, x),
+        _ => unreachable!("neither kept nor walked"),
+    }),
+];
+
+/// `matrix` is the work of one product without its vectors.
+fn products(
+    rates: &mut Rates,
+    group: &str,
+    (way, of): (&str, &[(&str, Product)]),
+    gpu: &Gpu,
+    operator: &impl Deref<Target = Transport>,
+    matrix: &dyn Fn() -> Work,
+) {
+    for (product, apply) in of {
+        rates.bench(group, &format!("{way}: {product}"), || {
+            let (operator, mut x, mut y) = (&**operator, operator.domain(), operator.range());
+            x.fill([1.0, 0.5, 0.25]);
+            y.fill([1.0, 0.5, 0.25]);
+            let matrix = matrix();
+            let bytes = matrix.bytes + COLOR * (x.len() + y.len()) as u64;
+            (Work { bytes, ..matrix }, on_adapter(gpu, move || apply(operator, &mut x, &mut y)))
+        });
+    }
+}
+
+/// What fixed point adds to a scatter: that of rays which pass the map by.
+pub fn fixed_point(rates: &mut Rates, gpu: &Gpu, field: &Field) {
+    rates.bench("fixed point", "largest_bits, fixed_scale and fixed_finish", || {
+        let some = field.traversal();
+        let beside = ViewRay { origin: DVec3::splat(1e4), direction: DVec3::Z, ..some.rays()[0] };
+        let rays = vec![beside; some.rays().len()];
+        let traversal = LightMapTraversal::new(some.transport().clone(), rays.into());
+        let walked = Walked::light_map(gpu, &traversal, false, true).unwrap();
+        let (mut x, mut y) = (walked.domain(), walked.range());
+        y.fill([1.0, 0.5, 0.25]);
+        // Two words a sum, filled and read.
+        let bytes = COLOR * (y.len() + 5 * x.len()) as u64;
+        let scatter = move || walked.apply_adjoint(&y, &mut x);
+        (Work { bytes, ..Work::default() }, on_adapter(gpu, scatter))
+    });
+}
+
+/// Conjugate gradients, by the clock.
+fn iteration(
+    rates: &mut Rates,
+    group: &str,
+    way: &str,
+    gpu: &Gpu,
+    operator: &impl Deref<Target = Transport>,
+    matrix: &dyn Fn() -> Work,
+) {
+    rates.bench(group, &format!("{way}: iteration"), || {
+        let operator = &**operator;
+        let [_, waits] = iterate(gpu, operator);
+        println!("{group}/{way}: an iteration waits {waits:.1} times");
+        let [elements, rows] = [operator.domain().len(), operator.range().len()];
+        let vectors = Cgls::<Stacked<GpuVector>>::VECTORS;
+        let vectors = vectors.domain * elements + vectors.range * (rows + elements);
+        let matrix = matrix();
+        let bytes = 2 * (matrix.bytes + COLOR * (rows + elements + vectors) as u64);
+        let work = Work { rays: 2 * matrix.rays, nonzeros: 2 * matrix.nonzeros, bytes };
+        let round: Round = Box::new(move || Duration::from_secs_f64(iterate(gpu, operator)[0]));
+        (work, round)
+    });
+}
+
+/// Seconds that an iteration takes, and how often it waits.
+fn iterate(gpu: &Gpu, operator: &Transport) -> [f64; 2] {
+    let pull = Identity::scaled(&operator.domain(), [0.05; 3]);
+    let stacked = Stacked::new(operator).over(pull).unwrap();
+    let mut targets = operator.range();
+    targets.fill([0.02, 0.01, 0.03]);
+    let rhs = Blocks(vec![targets, operator.domain()]);
+    let [hardware, software] = ITERATIONS;
+    let limits = Limits::new(if gpu.record().is_hardware() { hardware } else { software }, 0.0);
+    let problem = LeastSquares::new(&stacked, &rhs);
+    let start = stacked.domain();
+    let mut marks = Vec::new();
+    drive(&mut Cgls::new(&stacked), &problem, Beginning::At(&start), &limits, |_, _| {
+        marks.push((Instant::now(), gpu.round_trips()));
+        Ok(Control::Continue)
+    })
+    .unwrap();
+    let [(begun, trips), .., (ended, all_trips)] = marks[..] else { return [f64::NAN; 2] };
+    let iterations = (marks.len() - 1) as f64;
+    [(ended - begun).as_secs_f64() / iterations, (all_trips - trips) as f64 / iterations]
+}
