@@ -3,6 +3,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::solve::Control;
 use crate::{Error, Result};
 
 /// Set by Ctrl-C.
@@ -20,6 +21,11 @@ pub(crate) fn watch_interrupt() -> Result<()> {
 
 pub(crate) fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
+}
+
+/// What a solve is told after an iteration.
+pub(crate) fn until_interrupted() -> Control {
+    if interrupted() { Control::Stop } else { Control::Continue }
 }
 
 /// Steps of a job on standard error, timed; nothing is drawn where that is not a terminal.

@@ -103,12 +103,12 @@ impl LightMapTraversal {
         self.surroundings.clone().map(|surroundings| BesideRows { surroundings, texels })
     }
 
-    /// Every so many of its rows.
-    pub fn every(&self, stride: usize) -> Self {
+    /// Some of its rows.
+    pub fn picked(&self, rows: &[usize]) -> Self {
         Self {
             transport: self.transport.clone(),
-            rays: self.rays.iter().step_by(stride).copied().collect(),
-            surroundings: self.surroundings.as_ref().map(|shown| Arc::new(shown.every(stride))),
+            rays: rows.iter().map(|&row| self.rays[row]).collect(),
+            surroundings: self.surroundings.as_ref().map(|shown| Arc::new(shown.picked(rows))),
         }
     }
 

@@ -97,17 +97,16 @@ impl Surroundings {
         &self.reflected[row]
     }
 
-    /// The same of every so many rows.
-    pub fn every(&self, stride: usize) -> Self {
-        let rows = (0..self.reflected.len()).step_by(stride);
+    /// The same of some of the rows.
+    pub fn picked(&self, rows: &[usize]) -> Self {
         let width = self.further * self.channels;
         Self {
             weights: rows
-                .clone()
-                .flat_map(|row| &self.weights[row * width..(row + 1) * width])
+                .iter()
+                .flat_map(|&row| &self.weights[row * width..(row + 1) * width])
                 .copied()
                 .collect(),
-            reflected: rows.map(|row| self.reflected[row]).collect(),
+            reflected: rows.iter().map(|&row| self.reflected[row]).collect(),
             ..*self
         }
     }

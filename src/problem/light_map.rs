@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::extents::fit_to;
 use super::surroundings::Shown;
 use super::transport::LightMapOperator;
-use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints};
+use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints, evenly};
 use crate::cpu::WalkPlan;
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::{Bounds, CpuVector};
@@ -158,19 +158,23 @@ impl LightMapProblem {
         outside / all
     }
 
-    /// The problem of at most `rows` of its rows, evenly spread.
+    /// The problem of `rows` of its rows, evenly spread; of all where there are not as many.
     pub fn sampled(&self, rows: usize) -> Self {
-        let stride = self.constraints.len().div_ceil(rows.max(1)).max(1);
-        fn every<T: Clone>(values: &[T], stride: usize) -> Vec<T> {
-            values.iter().step_by(stride).cloned().collect()
+        self.picked(&evenly(rows, self.constraints.len()))
+    }
+
+    /// The problem of some of its rows.
+    pub fn picked(&self, rows: &[usize]) -> Self {
+        fn those<T: Clone>(rows: &[usize], values: &[T]) -> Vec<T> {
+            rows.iter().map(|&row| values[row].clone()).collect()
         }
-        let traversal = self.traversal.every(stride);
+        let traversal = self.traversal.picked(rows);
         Self {
-            constraints: every(&self.constraints, stride),
+            constraints: those(rows, &self.constraints),
             paintings: self.paintings.clone(),
             maps: self.maps.clone(),
-            targets: every(&self.targets, stride),
-            surroundings: every(&self.surroundings, stride),
+            targets: those(rows, &self.targets),
+            surroundings: those(rows, &self.surroundings),
             start: self.start,
             further_start: self.further_start.clone(),
             plan: plan(&traversal, self.grey),

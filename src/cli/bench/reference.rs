@@ -4,10 +4,10 @@ use std::cell::OnceCell;
 
 use super::cases::Between;
 use super::subject::{Problem, Rows, Stage};
+use crate::cli::progress::{interrupted, until_interrupted};
 use crate::operator::{CpuVector, LinearOperator, Vector};
 use crate::problem::{HostOperator, System, TransportOperator, measure, minimize};
 use crate::scene::{MetricName, Rgb, SolveSettings, SolverName, Strategy};
-use crate::solve::Control;
 use crate::{Error, Result};
 
 /// Part of its start that the projected gradient of a reference solution falls to.
@@ -120,7 +120,7 @@ impl Sample {
                 ..self.settings.clone()
             };
             let formulation = self.problem.formulation(&settings)?;
-            let go_on = |_: &_, _: &mut dyn crate::problem::Snapshot| Ok(Control::Continue);
+            let go_on = |_: &_, _: &mut dyn crate::problem::Snapshot| Ok(until_interrupted());
             let solved = minimize(&formulation, &self.wide, &self.coverage, &settings, None, go_on)?;
             let worst = solved.outcome.true_normal_residual.iter().copied().fold(0.0, f64::max);
             tracing::info!(
@@ -132,7 +132,7 @@ impl Sample {
             if best.as_ref().is_none_or(|(least, _)| worst < *least) {
                 best = Some((worst, solved.x));
             }
-            if worst <= 10.0 * TOLERANCE {
+            if worst <= 10.0 * TOLERANCE || interrupted() {
                 break;
             }
         }
