@@ -222,9 +222,10 @@ fn chart(sweep: &Sweep) -> Chart {
         x: Axis { label: sweep.over.clone(), spacing: Spacing::Log },
         y: Axis { label: "seconds".into(), spacing: Spacing::Log },
         curves: [
-            curve("problem", 0, |point| point.problem_seconds),
             curve("set-up", 1, |point| Some(point.set_up_seconds)),
             curve("products", 2, |point| Some(point.seconds)),
+            // The last, since it is not always there, so that colours are the same in all charts.
+            curve("problem", 0, |point| point.problem_seconds),
         ]
         .into_iter()
         .filter(|curve| !curve.points.is_empty())
