@@ -28,6 +28,13 @@ pub(crate) fn until_interrupted() -> Control {
     if interrupted() { Control::Stop } else { Control::Continue }
 }
 
+/// Between the steps of what is given up on Ctrl-C.
+///
+/// Errors: [`Error::Machine`] after Ctrl-C.
+pub(crate) fn unless_interrupted() -> Result<()> {
+    if interrupted() { Err(Error::Machine("interrupted".to_owned())) } else { Ok(()) }
+}
+
 /// Steps of a job on standard error, timed; nothing is drawn where that is not a terminal.
 #[derive(Debug)]
 pub(crate) struct Steps {

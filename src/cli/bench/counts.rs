@@ -47,7 +47,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Counts>> {
     })?;
     parse(&text).map_err(|(line, problem)| Error::Format {
         path: path.to_owned(),
-        format: "table of counts",
+        format: "counts",
         reason: format!("line {line} {problem}"),
     })
 }

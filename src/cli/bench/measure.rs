@@ -8,7 +8,7 @@ use super::cases::{Case, Precision, Task};
 use super::reference::Sample;
 use super::subject::Problem;
 use crate::cli::machine;
-use crate::cli::progress::{interrupted, until_interrupted};
+use crate::cli::progress::{interrupted, unless_interrupted, until_interrupted};
 #[cfg(feature = "gpu")]
 use crate::gpu::Gpu;
 use crate::operator::{Vector, adjoint_test};
@@ -38,7 +38,9 @@ pub(super) struct Patience {
 impl Patience {
     /// Medians of what making an operator and applying it takes.
     pub(super) fn times<O: TransportOperator>(&self, make: impl Fn() -> Result<O>) -> Result<(O, Times)> {
+        unless_interrupted()?;
         let mut operator = make()?;
+        unless_interrupted()?;
         let set_up = self.median(|| {
             operator = make()?;
             Ok(())
@@ -150,6 +152,7 @@ impl Run<'_> {
 
     fn product<O: TransportOperator>(&self, make: impl Fn() -> Result<O>) -> Result<Record> {
         let (operator, times) = self.bench.patience.times(make)?;
+        unless_interrupted()?;
         let [forward, backward] = self.sample.differences(&operator)?;
         Ok(Record {
             error: forward,

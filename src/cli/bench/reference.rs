@@ -4,7 +4,7 @@ use std::cell::OnceCell;
 
 use super::cases::Between;
 use super::subject::{Problem, Rows, Stage};
-use crate::cli::progress::{interrupted, until_interrupted};
+use crate::cli::progress::{interrupted, unless_interrupted, until_interrupted};
 use crate::operator::{CpuVector, LinearOperator, Vector};
 use crate::problem::{HostOperator, System, TransportOperator, measure, minimize};
 use crate::scene::{MetricName, Rgb, SolveSettings, SolverName, Strategy};
@@ -49,7 +49,9 @@ impl Sample {
         let stage = stage.with(between);
         let problem = stage.problem()?.sampled(rows);
         let problem = problem.walked(crate::scene::Quadrature::Exact, None).unwrap_or(problem);
+        unless_interrupted()?;
         let explicit = problem.explicit()?;
+        unless_interrupted()?;
         let wide = problem.wide(Strategy::Assembled)?;
         let coverage = wide.squares(&problem.weights())?;
         Ok(Self {

@@ -9,7 +9,7 @@ use crate::cli::progress::interrupted;
 use crate::operator::Vector;
 use crate::problem::{TransportOperator, evenly};
 use crate::report::bench::{Point, Sweep};
-use crate::scene::{Find, Rgb, Strategy};
+use crate::scene::{Find, Rgb, Strategy, VolumeScene};
 use crate::{Error, Result};
 
 /// Rows that are measured at most, all told.
@@ -180,8 +180,11 @@ impl Scaling<'_> {
                     plan("painted pixels", "the volume", Grows::Rows),
                     plan("views", "the volume", Grows::Views),
                     plan("threads", "the volume", Grows::Threads),
-                    plan("voxels", "their box", self.voxels(scene.medium.extinction.grid().size())),
                 ];
+                let voxels = self.voxels(scene.medium.extinction.grid().size());
+                if voxels.first().is_some_and(|smallest| self.has_voxels(smallest)) {
+                    plans.push(plan("voxels", "their box", Grows::Setting(voxels)));
+                }
                 if scene.stages.first() == Some(&Find::Environment) {
                     let count = |part: &usize| 256 / part;
                     let set = |count| (count as f64, format!("environment.lights={{\"count\":{count}}}"));
@@ -204,13 +207,19 @@ impl Scaling<'_> {
     }
 
     /// A volume with its sides made so much shorter that it has a part of its voxels.
-    fn voxels(&self, size: [usize; 3]) -> Grows {
+    fn voxels(&self, size: [usize; 3]) -> Vec<(f64, String)> {
         let one = |part: &usize| {
             let factor = (*part as f64).powf(-1.0 / 3.0);
             let [x, y, z] = size.map(|side| ((side as f64 * factor).round() as usize).max(1));
             ((x * y * z) as f64, format!("volume.size=[{x},{y},{z}]"))
         };
-        Grows::Setting(self.parts().iter().map(one).collect())
+        self.parts().iter().map(one).collect()
+    }
+    /// Whether a scene has as many voxels as it is asked for; a file has its own number.
+    fn has_voxels(&self, (count, setting): &(f64, String)) -> bool {
+        let stage = self.source.load(std::slice::from_ref(setting));
+        let has = |scene: &VolumeScene| scene.medium.extinction.grid().len() as f64 == *count;
+        stage.is_ok_and(|stage| matches!(&stage, Stage::Volume(scene) if has(scene)))
     }
 }
 

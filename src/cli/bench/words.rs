@@ -39,6 +39,9 @@ pub(super) fn summary(bench: &Bench, taken: usize, folder: &Path, counts: Option
         bench.held.of,
         bench.records.len()
     ));
+    if !bench.complete {
+        lines.push("interrupted: not every case was run; --resume goes on".to_owned());
+    }
     lines.push(format!("results in {}", folder.join("bench.html").display()));
     lines.join("\n")
 }

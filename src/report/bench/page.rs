@@ -199,7 +199,7 @@ fn scaling(sweeps: &[Sweep]) -> Result<String> {
             escaped(&sweep.scene),
             escaped(&sweep.over),
             escaped(&sweep.held),
-            sizes.join("  "),
+            sizes.join(" · "),
             bytes(most)
         ));
     }

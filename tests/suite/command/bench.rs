@@ -166,7 +166,7 @@ fn counts_that_cannot_be_read_are_said_before_anything_is_measured() {
     let held = [&QUICK[..], &["--only-cases", "--counts", "counts.csv"]].concat();
     desk.run(&held).exits_with(1).tells("counts.csv");
     desk.put("counts.csv", "case,applications,nonzeros,bytes\nscene/a,1,2\n");
-    desk.run(&held).exits_with(1).tells("counts.csv is not a usable table of counts").tells("line 2");
+    desk.run(&held).exits_with(1).tells("counts.csv is not a usable counts file").tells("line 2");
     assert!(!desk.path("out").exists());
 }
 
