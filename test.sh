@@ -81,7 +81,7 @@ cargo run --locked --release --quiet -- stress --quick >"$out/stress" || { cat "
 tail -n 1 "$out/stress"
 
 say "benchmark, in short"
-cargo run --locked --release --quiet -- bench --quick --backend cpu -q -o "$out/bench"
+cargo run --locked --release --quiet -- bench --quick --backend cpu -q --counts benches/counts.csv -o "$out/bench"
 
 say "the demo scenes are what their generator makes"
 for file in strokes/*; do

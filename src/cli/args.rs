@@ -112,6 +112,9 @@ pub(crate) struct BenchArguments {
     /// Go on after the last case in `records.jsonl` of the output folder.
     #[arg(long)]
     pub(crate) resume: bool,
+    /// Hold counts against those of an earlier run, its `counts.csv`: applications, non-zeros and bytes must not rise.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) counts: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) backend: BackendArguments,
     /// Folder for the results; `out/bench` by default.

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::progress::{Steps, interrupted};
+use super::progress::{Steps, until_interrupted};
 use super::resume::Keeper;
 use crate::cpu::Storage;
 use crate::operator::{CpuVector, adjoint_test};
@@ -84,7 +84,7 @@ impl Watch<'_> {
                 self.checkpoint.keep(history, snapshot);
                 saved = Instant::now();
             }
-            Ok(if interrupted() { Control::Stop } else { Control::Continue })
+            Ok(until_interrupted())
         })?;
         Ok(Trial { coverage, adjoint_error, storage, solved })
     }

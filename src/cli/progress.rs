@@ -3,6 +3,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::solve::Control;
 use crate::{Error, Result};
 
 /// Set by Ctrl-C.
@@ -20,6 +21,18 @@ pub(crate) fn watch_interrupt() -> Result<()> {
 
 pub(crate) fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
+}
+
+/// What a solve is told after an iteration.
+pub(crate) fn until_interrupted() -> Control {
+    if interrupted() { Control::Stop } else { Control::Continue }
+}
+
+/// Between the steps of what is given up on Ctrl-C.
+///
+/// Errors: [`Error::Machine`] after Ctrl-C.
+pub(crate) fn unless_interrupted() -> Result<()> {
+    if interrupted() { Err(Error::Machine("interrupted".to_owned())) } else { Ok(()) }
 }
 
 /// Steps of a job on standard error, timed; nothing is drawn where that is not a terminal.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::extents::fit_to;
 use super::surroundings::Shown;
 use super::transport::LightMapOperator;
-use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints};
+use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints, evenly};
 use crate::cpu::WalkPlan;
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::{Bounds, CpuVector};
@@ -158,10 +158,9 @@ impl LightMapProblem {
         outside / all
     }
 
-    /// The problem of at most `rows` of its rows, evenly spread.
+    /// The problem of `rows` of its rows, evenly spread; of all where there are not as many.
     pub fn sampled(&self, rows: usize) -> Self {
-        let stride = self.constraints.len().div_ceil(rows.max(1)).max(1);
-        self.picked(&(0..self.constraints.len()).step_by(stride).collect::<Vec<usize>>())
+        self.picked(&evenly(rows, self.constraints.len()))
     }
 
     /// The problem of some of its rows.

@@ -3,6 +3,7 @@
 mod assess;
 mod constraints;
 mod diffusion;
+mod evenly;
 mod extents;
 mod fill;
 mod formulation;
@@ -23,6 +24,7 @@ mod volume;
 pub use assess::{Assessment, Assessor, Match};
 pub use constraints::{Constraint, constraints};
 pub use diffusion::{Diffused, Known, diffuse};
+pub use evenly::evenly;
 pub use extents::{Maps, fit};
 pub use formulation::{Formulation, Lattice, Start, Steering};
 #[cfg(feature = "gpu")]

@@ -1,5 +1,6 @@
 //! What a solve did, for people and for programs: `report.json`, `report.html`, convergence plots.
 
+mod axes;
 pub mod bench;
 mod data;
 mod example;

@@ -3,21 +3,20 @@
 //! The pictures have no background and text in mid-grey, so they stand on light and on dark pages; a page
 //! can set `--chart-text` and `--chart-line` to do better. They carry no script and no font.
 
+use super::axes::{Axes, TEXT, color};
 use super::data::Step;
-use super::ticks::Scale;
 use super::words::escaped;
 use crate::{Error, Result};
 
 /// Width and height of one panel in the units of its viewBox.
 const PANEL: [f64; 2] = [520.0, 300.0];
-/// Room around the curves: left, top, right, bottom.
-const MARGIN: [f64; 4] = [64.0, 58.0, 14.0, 46.0];
-/// Colours that are told apart on white and on black; red, green and blue first, for the channels.
-const COLORS: [&str; 6] = ["#d0605c", "#58a066", "#5a8fd6", "#c08a3e", "#9573c4", "#4aa3a3"];
-const TEXT: &str = "#83898f";
+/// Left, top, right and bottom of what lies between the axes.
+const FRAME: [f64; 4] = [64.0, 58.0, PANEL[0] - 14.0, PANEL[1] - 46.0];
 const FONT: &str = "system-ui, sans-serif";
 /// More points than this on one curve are thinned: they could not be told apart.
 const MOST_POINTS: usize = 4096;
+/// Curves of as few points show each.
+const FEW_POINTS: usize = 8;
 
 /// How the values of an axis are laid out along it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -119,35 +118,9 @@ fn document(charts: &[Chart]) -> Result<String> {
     Ok(svg)
 }
 
-/// What lies between the axes, and where.
-struct Frame {
-    x: Scale,
-    y: Scale,
-}
-
-impl Frame {
-    const LEFT: f64 = MARGIN[0];
-    const TOP: f64 = MARGIN[1];
-    const RIGHT: f64 = PANEL[0] - MARGIN[2];
-    const BOTTOM: f64 = PANEL[1] - MARGIN[3];
-
-    fn of(chart: &Chart) -> Self {
-        let values =
-            |axis: usize| chart.curves.iter().flat_map(move |c| c.points.iter().map(move |p| p[axis]));
-        Self { x: Scale::of(values(0), chart.x.spacing), y: Scale::of(values(1), chart.y.spacing) }
-    }
-
-    fn across(place: f64) -> f64 {
-        Self::LEFT + place * (Self::RIGHT - Self::LEFT)
-    }
-
-    fn up(place: f64) -> f64 {
-        Self::BOTTOM - place * (Self::BOTTOM - Self::TOP)
-    }
-
-    fn point(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        [Self::across(self.x.place(x)), Self::up(self.y.place(y))]
-    }
+fn axes(chart: &Chart) -> Axes {
+    let points = chart.curves.iter().flat_map(|curve| curve.points.iter().copied());
+    Axes::over(FRAME, 0.0, [chart.x.spacing, chart.y.spacing], points)
 }
 
 fn panel(chart: &Chart) -> Result<String> {
@@ -157,35 +130,32 @@ fn panel(chart: &Chart) -> Result<String> {
             return Err(Error::NonFinite { what, place: format!("point {index}") });
         }
     }
-    let frame = Frame::of(chart);
+    let axes = axes(chart);
     let curves = chart.curves.iter().enumerate();
-    let curves: String = curves.map(|(index, curve)| polyline(curve, color(index), &frame)).collect();
+    let curves: String = curves.map(|(index, curve)| polyline(curve, color(index), &axes)).collect();
     Ok(format!(
         "<g fill=\"{TEXT}\" style=\"fill:var(--chart-text,{TEXT})\">\n{}{}</g>\n{curves}",
         titles(chart),
-        axes(&frame)
+        axes.svg(6)
     ))
-}
-
-fn color(index: usize) -> &'static str {
-    COLORS[index % COLORS.len()]
 }
 
 /// Title, axis labels and legend.
 fn titles(chart: &Chart) -> String {
-    let middle = 0.5 * (Frame::LEFT + Frame::RIGHT);
+    let [left, _, right, _] = FRAME;
+    let middle = 0.5 * (left + right);
     let mut text = format!(
         "<text x=\"{}\" y=\"18\" font-size=\"14\" font-weight=\"600\">{}</text>\n\
          <text x=\"{middle}\" y=\"{}\" text-anchor=\"middle\">{}</text>\n\
          <text x=\"{}\" y=\"18\" text-anchor=\"end\">{}</text>\n",
-        Frame::LEFT,
+        left,
         escaped(&chart.title),
         PANEL[1] - 8.0,
         escaped(&chart.x.label),
-        Frame::RIGHT,
+        right,
         escaped(&chart.y.label),
     );
-    let mut x = Frame::LEFT;
+    let mut x = left;
     for (index, curve) in chart.curves.iter().enumerate() {
         text.push_str(&format!(
             "<path d=\"M{x:.1} 37h18\" {}/><text x=\"{:.1}\" y=\"41\">{}</text>\n",
@@ -194,38 +164,9 @@ fn titles(chart: &Chart) -> String {
             escaped(&curve.label)
         ));
         // The width of text is not known here; this is that of wide letters.
-        x += 44.0 + 7.5 * curve.label.chars().count() as f64;
+        x += 40.0 + 6.8 * curve.label.chars().count() as f64;
     }
     text
-}
-
-fn axes(frame: &Frame) -> String {
-    let (left, right, bottom) = (Frame::LEFT, Frame::RIGHT, Frame::BOTTOM);
-    let mut lines = String::new();
-    let mut labels = String::new();
-    for (place, label) in frame.y.ticks(6) {
-        let y = Frame::up(place);
-        lines.push_str(&format!("M{left} {y:.1}H{right}"));
-        labels.push_str(&format!(
-            "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>\n",
-            left - 10.0,
-            y + 4.0,
-            escaped(&label)
-        ));
-    }
-    for (place, label) in frame.x.ticks(8) {
-        let x = Frame::across(place);
-        lines.push_str(&format!("M{x:.1} {bottom}v5"));
-        labels.push_str(&format!(
-            "<text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>\n",
-            bottom + 19.0,
-            escaped(&label)
-        ));
-    }
-    format!(
-        "<path d=\"{lines}M{left} {bottom}H{right}\" fill=\"none\" stroke=\"{TEXT}\" stroke-opacity=\"0.35\" \
-         style=\"stroke:var(--chart-line,{TEXT})\"/>\n{labels}"
-    )
 }
 
 fn stroke(curve: &Curve, color: &str) -> String {
@@ -233,22 +174,20 @@ fn stroke(curve: &Curve, color: &str) -> String {
     format!("fill=\"none\" stroke=\"{color}\" stroke-width=\"2\" stroke-linejoin=\"round\"{dashes}")
 }
 
-/// The curve, with a dot at its last point, which is also all that one point alone shows.
-fn polyline(curve: &Curve, color: &str, frame: &Frame) -> String {
+/// The curve, with a dot at its last point, which is also all that one point alone shows; of a few points each has one.
+fn polyline(curve: &Curve, color: &str, axes: &Axes) -> String {
     let Some(&last) = curve.points.last() else { return String::new() };
     let step = curve.points.len().div_ceil(MOST_POINTS).max(1);
     let thinned = curve.points[..curve.points.len() - 1].iter().step_by(step).chain([&last]);
-    let points: Vec<String> = thinned
-        .map(|&point| {
-            let [x, y] = frame.point(point);
-            format!("{x:.1},{y:.1}")
-        })
-        .collect();
-    let [x, y] = frame.point(last);
+    let points: Vec<[f64; 2]> = thinned.map(|&point| axes.point(point)).collect();
+    let line: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+    let dots = if points.len() <= FEW_POINTS { &points[..] } else { &points[points.len() - 1..] };
+    let dot = |[x, y]: &[f64; 2]| format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{color}\"/>\n");
     format!(
-        "<polyline points=\"{}\" {}/>\n<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{color}\"/>\n",
-        points.join(" "),
-        stroke(curve, color)
+        "<polyline points=\"{}\" {}/>\n{}",
+        line.join(" "),
+        stroke(curve, color),
+        dots.iter().map(dot).collect::<String>()
     )
 }
 
@@ -309,10 +248,9 @@ mod tests {
             y: axis(Spacing::Log),
             curves: vec![curve],
         };
-        let frame = Frame::of(&chart);
-        let [a, b, c] = [0, 1, 2].map(|i| frame.point(chart.curves[0].points[i]));
-        assert_eq!([a[0], c[0]], [Frame::LEFT, Frame::RIGHT]);
-        assert_eq!([a[1], c[1]], [Frame::TOP, Frame::BOTTOM]);
+        let axes = axes(&chart);
+        let [a, b, c] = [0, 1, 2].map(|i| axes.point(chart.curves[0].points[i]));
+        assert_eq!([a[0], a[1], c[0], c[1]], FRAME);
         // A straight line: the logarithm is the scale.
         assert!((b[0] - 0.5 * (a[0] + c[0])).abs() < 1e-9 && (b[1] - 0.5 * (a[1] + c[1])).abs() < 1e-9);
     }
@@ -339,8 +277,8 @@ mod tests {
             (0..100_000).map(|iteration| Step { iteration, ..Step::default() }).collect();
         let svg = convergence(&history).unwrap();
         assert!(svg.len() < 6 * 20 * (MOST_POINTS + 200));
-        assert!(svg.contains(&format!("points=\"{:.1},", Frame::LEFT)));
-        assert!(svg.contains(&format!(" {:.1},", Frame::RIGHT)));
+        assert!(svg.contains(&format!("points=\"{:.1},", FRAME[0])));
+        assert!(svg.contains(&format!(" {:.1},", FRAME[2])));
     }
 
     fn level() -> impl Strategy<Value = f64> {

@@ -47,5 +47,5 @@ fn of_solve(record: &Record) -> Vec<Law> {
 }
 
 fn law(case: &str, law: &'static str, error: f64, bound: f64) -> Law {
-    Law { case: case.to_owned(), law, error, bound, holds: error <= bound }
+    Law { case: case.to_owned(), law, error, bound, before: None, holds: error <= bound }
 }

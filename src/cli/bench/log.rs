@@ -7,6 +7,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
+use crate::cli::progress::interrupted;
 use crate::{Error, Result};
 
 /// What has been measured so far, one line a case in `records.jsonl`, written as soon as it is known.
@@ -41,24 +42,30 @@ impl Log {
         Ok(Self { path, file, known, taken: 0 })
     }
 
-    /// What was measured of a case before, or is measured now.
+    /// What was measured of a case before, or is measured now; none where Ctrl-C cut that short.
     ///
     /// Errors: those of `measure`, and [`Error::File`].
     pub(super) fn once<T: Serialize + DeserializeOwned>(
         &mut self,
         case: &str,
         measure: impl FnOnce() -> Result<T>,
-    ) -> Result<T> {
+    ) -> Result<Option<T>> {
         if let Some(known) = self.known.get(case) {
             self.taken += 1;
-            return serde_json::from_value(known.clone()).map_err(|error| broken(&self.path, case, &error));
+            let known = serde_json::from_value(known.clone());
+            return known.map(Some).map_err(|error| broken(&self.path, case, &error));
         }
-        let measured = measure()?;
+        let measured = measure();
+        if interrupted() {
+            // What was cut short may be wrong, and so may be what it fails with.
+            return Ok(None);
+        }
+        let measured = measured?;
         let line = json!({ "case": case, "value": measured });
         writeln!(self.file, "{line}")
             .and_then(|()| self.file.flush())
             .map_err(failed("write", &self.path))?;
-        Ok(measured)
+        Ok(Some(measured))
     }
 }
 
@@ -103,14 +110,14 @@ mod tests {
     fn what_is_known_is_not_measured_again_and_half_a_line_is_forgotten() {
         let folder = tempfile::tempdir().unwrap();
         let mut log = Log::open(folder.path(), "k", false).unwrap();
-        assert_eq!(log.once("a", || Ok(1)).unwrap(), 1);
-        assert_eq!(log.once("b", || Ok(2)).unwrap(), 2);
+        assert_eq!(log.once("a", || Ok(1)).unwrap(), Some(1));
+        assert_eq!(log.once("b", || Ok(2)).unwrap(), Some(2));
         let path = folder.path().join("records.jsonl");
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, &text[..text.len() - 4]).unwrap();
         let mut log = Log::open(folder.path(), "k", true).unwrap();
-        assert_eq!(log.once("a", || Ok(7)).unwrap(), 1);
-        assert_eq!(log.once("b", || Ok(7)).unwrap(), 7);
+        assert_eq!(log.once("a", || Ok(7)).unwrap(), Some(1));
+        assert_eq!(log.once("b", || Ok(7)).unwrap(), Some(7));
         assert_eq!(log.taken, 1);
         assert!(Log::open(folder.path(), "other", true).is_err());
         assert!(Log::open(&folder.path().join("nowhere"), "k", true).is_err());

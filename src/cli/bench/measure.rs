@@ -8,6 +8,7 @@ use super::cases::{Case, Precision, Task};
 use super::reference::Sample;
 use super::subject::Problem;
 use crate::cli::machine;
+use crate::cli::progress::{interrupted, unless_interrupted, until_interrupted};
 #[cfg(feature = "gpu")]
 use crate::gpu::Gpu;
 use crate::operator::{Vector, adjoint_test};
@@ -16,7 +17,6 @@ use crate::problem::{GpuLightMapOperator, GpuOperator};
 use crate::problem::{TransportOperator, minimize};
 use crate::report::bench::{Measured, Record};
 use crate::scene::{Quadrature, SolveSettings, SolverName};
-use crate::solve::Control;
 use crate::{Error, Result};
 
 /// A solve that says it has converged may have as many tolerances left: what `solve::drive` confirms.
@@ -38,7 +38,9 @@ pub(super) struct Patience {
 impl Patience {
     /// Medians of what making an operator and applying it takes.
     pub(super) fn times<O: TransportOperator>(&self, make: impl Fn() -> Result<O>) -> Result<(O, Times)> {
+        unless_interrupted()?;
         let mut operator = make()?;
+        unless_interrupted()?;
         let set_up = self.median(|| {
             operator = make()?;
             Ok(())
@@ -62,10 +64,14 @@ impl Patience {
     pub(super) fn median(&self, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
         let [least, most] = self.repetitions;
         let (mut seconds, begun) = (Vec::new(), Instant::now());
-        while seconds.len() < least || seconds.len() < most && begun.elapsed() < self.repeating {
+        loop {
             let clock = Instant::now();
             work()?;
             seconds.push(clock.elapsed().as_secs_f64());
+            let enough = seconds.len() >= least && begun.elapsed() >= self.repeating;
+            if enough || seconds.len() >= most || interrupted() {
+                break;
+            }
         }
         seconds.sort_by(f64::total_cmp);
         Ok(seconds[seconds.len() / 2])
@@ -147,6 +153,7 @@ impl Run<'_> {
 
     fn product<O: TransportOperator>(&self, make: impl Fn() -> Result<O>) -> Result<Record> {
         let (operator, times) = self.bench.patience.times(make)?;
+        unless_interrupted()?;
         let [forward, backward] = self.sample.differences(&operator)?;
         Ok(Record {
             error: forward,
@@ -182,7 +189,7 @@ impl Run<'_> {
         let coverage = operator.squares(&self.problem.weights())?;
         let formulation = self.problem.formulation(&settings)?;
         let solved =
-            minimize(&formulation, &operator, &coverage, &settings, None, |_, _| Ok(Control::Continue))?;
+            minimize(&formulation, &operator, &coverage, &settings, None, |_, _| Ok(until_interrupted()))?;
         let seconds = clock.elapsed().as_secs_f64();
         let iterated = solved.outcome.history.progress.last().map_or(0, |last| last.operator_applications);
         let (error, excess) = self.sample.distances(reference, solver, &solved.x)?;

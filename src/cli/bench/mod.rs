@@ -1,6 +1,7 @@
 //! `unscatter bench`: run time against error.
 
 mod cases;
+mod counts;
 mod laws;
 mod log;
 mod measure;
@@ -22,6 +23,7 @@ use super::{Done, Manners};
 use crate::Result;
 use crate::report::bench::{self as report, Held, Record, Skipped, Sweep};
 use cases::{Between, Case, Level, Place, cases};
+use counts::Counts;
 use log::Log;
 use measure::{Bench, Patience};
 use reference::Sample;
@@ -70,6 +72,7 @@ pub(super) fn run(arguments: &BenchArguments, manners: &Manners) -> Result<Done>
     for source in &sources {
         source.load(&[])?;
     }
+    let before = arguments.counts.as_deref().map(counts::read).transpose()?;
     let engine = Engine::choose(&arguments.backend)?;
     let job = Job {
         level,
@@ -88,17 +91,19 @@ pub(super) fn run(arguments: &BenchArguments, manners: &Manners) -> Result<Done>
     watch_interrupt()?;
     let mut steps = Steps::new(manners.quiet);
     let mut found = Found::default();
-    for source in &sources {
+    for source in sources.iter().take_while(|_| !interrupted()) {
         job.scene(source, &mut log, &mut steps, &mut found)?;
     }
     steps.begin("writing", None);
-    let bench = job.findings(found, &engine);
+    let bench = job.findings(found, &engine, before.as_deref().unwrap_or_default());
     folder.write_bytes("bench.json", bench.to_json()?.as_bytes())?;
     folder.write_bytes("bench.csv", report::csv(&bench.records)?.as_bytes())?;
+    folder.write_bytes("counts.csv", counts::table(&bench.records)?.as_bytes())?;
     folder.write_bytes("bench.html", report::page(&bench)?.as_bytes())?;
     folder.publish()?;
     steps.finish();
-    manners.print(&bench.to_json()?, &words::summary(&bench, log.taken, folder.path()));
+    let told = words::summary(&bench, log.taken, folder.path(), arguments.counts.as_deref());
+    manners.print(&bench.to_json()?, &told);
     Ok(match bench.held.hold == bench.held.of {
         false => Done::Broken,
         true if bench.complete => Done::Completely,
@@ -142,9 +147,9 @@ impl Job {
                     None => Ok(None),
                 }
             })?;
-            found.records.extend(record);
+            found.records.extend(record.flatten());
         }
-        if self.only_cases {
+        if self.only_cases || interrupted() {
             return Ok(());
         }
         let skipping = log.once(&format!("{name}/skipping"), || {
@@ -156,15 +161,17 @@ impl Job {
                 None => Ok(Vec::new()),
             }
         })?;
-        found.skipping.extend(skipping);
+        found.skipping.extend(skipping.unwrap_or_default());
         let scaling = Scaling { patience: self.bench.patience, source, quick: self.level == Level::Quick };
         let mut begin = |over: &str| steps.begin(&format!("{name}, {over}"), None);
         found.scaling.extend(scaling.run(log, &mut begin)?);
         Ok(())
     }
 
-    fn findings(&self, found: Found, engine: &Engine) -> report::Bench {
-        let laws = laws::laws(&found.records, &found.skipping);
+    fn findings(&self, found: Found, engine: &Engine, before: &[Counts]) -> report::Bench {
+        let complete = !interrupted();
+        let mut laws = laws::laws(&found.records, &found.skipping);
+        laws.extend(counts::laws(before, &found.records, complete));
         report::Bench {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: std::env::args().skip(1).collect::<Vec<_>>().join(" "),
@@ -172,7 +179,7 @@ impl Job {
             threads: rayon::current_num_threads(),
             adapter: adapter(engine),
             most_rows: self.rows,
-            complete: !interrupted(),
+            complete,
             held: Held { hold: laws.iter().filter(|law| law.holds).count(), of: laws.len() },
             laws,
             against: report::compare(&found.records),

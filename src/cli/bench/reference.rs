@@ -4,10 +4,10 @@ use std::cell::OnceCell;
 
 use super::cases::Between;
 use super::subject::{Problem, Rows, Stage};
+use crate::cli::progress::{interrupted, unless_interrupted, until_interrupted};
 use crate::operator::{CpuVector, LinearOperator, Vector};
 use crate::problem::{HostOperator, Solved, System, TransportOperator, measure, minimize};
 use crate::scene::{MetricName, Rgb, SolveSettings, SolverName, Strategy};
-use crate::solve::Control;
 use crate::{Error, Result};
 
 /// Part of its start that the projected gradient of a reference solution falls to.
@@ -49,7 +49,9 @@ impl Sample {
         let stage = stage.with(between);
         let problem = stage.problem()?.sampled(rows);
         let problem = problem.walked(crate::scene::Quadrature::Exact, None).unwrap_or(problem);
+        unless_interrupted()?;
         let explicit = problem.explicit()?;
+        unless_interrupted()?;
         let wide = problem.wide(Strategy::Assembled)?;
         let coverage = wide.squares(&problem.weights())?;
         Ok(Self {
@@ -122,7 +124,7 @@ impl Sample {
     /// A solve of the rows kept in f64.
     pub(super) fn solve(&self, settings: &SolveSettings) -> Result<Solved> {
         let formulation = self.problem.formulation(settings)?;
-        let go_on = |_: &_, _: &mut dyn crate::problem::Snapshot| Ok(Control::Continue);
+        let go_on = |_: &_, _: &mut dyn crate::problem::Snapshot| Ok(until_interrupted());
         minimize(&formulation, &self.wide, &self.coverage, settings, None, go_on)
     }
 
@@ -150,7 +152,7 @@ impl Sample {
             if best.as_ref().is_none_or(|(least, _)| worst < *least) {
                 best = Some((worst, solved.x));
             }
-            if worst <= 10.0 * TOLERANCE {
+            if worst <= 10.0 * TOLERANCE || interrupted() {
                 break;
             }
         }

@@ -7,9 +7,9 @@ use super::measure::Patience;
 use super::subject::{Problem, Source, Stage};
 use crate::cli::progress::interrupted;
 use crate::operator::Vector;
-use crate::problem::TransportOperator;
+use crate::problem::{TransportOperator, evenly};
 use crate::report::bench::{Point, Sweep};
-use crate::scene::{Find, Rgb, Strategy};
+use crate::scene::{Find, Rgb, Strategy, VolumeScene};
 use crate::{Error, Result};
 
 /// Rows that are measured at most, all told.
@@ -25,63 +25,111 @@ pub(super) struct Scaling<'a> {
     pub(super) quick: bool,
 }
 
-/// A scene with one size changed: what the size is, and what makes it so.
-type Sized<'a> = (f64, Box<dyn Fn() -> Result<Stage> + Sync + 'a>);
+/// What grows.
+enum Grows {
+    /// The rows, to these parts of them all.
+    Rows,
+    /// The views that the rows are of, one after the other.
+    Views,
+    Threads,
+    /// A size, which an override of the scene sets.
+    Setting(Vec<(f64, String)>),
+}
+
+/// What grows, in words, and what does not.
+struct Plan {
+    over: &'static str,
+    held: &'static str,
+    grows: Grows,
+}
 
 impl Scaling<'_> {
     /// All sweeps that make sense for the scene.
     pub(super) fn run(&self, log: &mut Log, begin: &mut dyn FnMut(&str)) -> Result<Vec<Sweep>> {
         let stage = self.source.load(&[])?;
+        let name = self.source.name();
         let mut sweeps = Vec::new();
-        for (over, sizes) in self.sizes(&stage) {
-            begin(over);
-            let mut points = Vec::new();
-            let largest = sizes.last().map_or(1.0, |(size, _)| *size);
-            for (size, make) in sizes {
-                if interrupted() {
-                    return Ok(sweeps);
-                }
-                let case = format!("{}/scaling/{over}/{size}", self.source.name());
-                let most = if self.quick { FEW_ROWS } else { ROWS };
-                points.push(log.once(&case, || match over {
-                    // What stands for the size is the part of them that is taken.
-                    "painted pixels" => {
-                        let point = self.point(size, &make()?, most, size as usize)?;
-                        Ok(Point { size: point.rows as f64, ..point })
-                    }
-                    // More views have more painted pixels; that is what is asked about.
-                    "views" => self.point(size, &make()?, (most as f64 * size / largest) as usize, 1),
-                    "threads" => with_threads(size as usize, || self.point(size, &make()?, most, 1)),
-                    _ => self.point(size, &make()?, most, 1),
-                })?);
+        for plan in self.plans(&stage) {
+            if interrupted() {
+                break;
             }
-            if points.len() > 1 {
-                sweeps.push(Sweep::new(&self.source.name(), over, points));
-            }
+            begin(plan.over);
+            // Points of one sweep are compared, so they are measured in one go.
+            let points = log.once(&format!("{name}/scaling/{}", plan.over), || self.points(&plan.grows))?;
+            let Some(points) = points.filter(|points| points.len() > 1) else { continue };
+            sweeps.push(Sweep::new(&name, plan.over, &held(&plan, &points), points));
         }
         Ok(sweeps)
     }
 
-    /// Measures one in `part` of at most so many rows.
-    fn point(&self, size: f64, stage: &Stage, most: usize, part: usize) -> Result<Point> {
+    fn points(&self, grows: &Grows) -> Result<Vec<Point>> {
+        match grows {
+            Grows::Rows => self.over_rows(),
+            Grows::Views => self.over_views(),
+            Grows::Threads => self.over_threads(),
+            Grows::Setting(sizes) => self.over_setting(sizes),
+        }
+    }
+
+    /// The problem is made of all rows whatever is measured of it, so its seconds say nothing of theirs.
+    fn over_rows(&self) -> Result<Vec<Point>> {
+        let problem = self.source.load(&[])?.problem()?.sampled(self.most());
+        each(self.shares(problem.len()), |rows| self.point(rows as f64, None, problem.sampled(rows)))
+    }
+
+    /// As many rows of each view. Of the problem, seconds are those of a scene with these views alone, each as it is painted;
+    /// the rest is measured with rows of the whole scene's, through the same maps or medium.
+    fn over_views(&self) -> Result<Vec<Point>> {
+        let whole = self.source.load(&[])?.problem()?;
+        let rows = whole.rows_of_views();
+        let fewest = rows.values().map(Vec::len).min().unwrap_or(0);
+        let each_view = fewest.min(self.most() / rows.len().max(1));
+        each(self.shares(rows.len()), |count| {
+            let views: Vec<usize> = rows.keys().copied().take(count).collect();
+            let (_, seconds) = made(self.source.load(&[])?.of_views(&views))?;
+            let some =
+                |of: &Vec<usize>| evenly(each_view, of.len()).into_iter().map(|index| of[index]).collect();
+            let picked: Vec<Vec<usize>> = rows.values().take(count).map(some).collect();
+            self.point(count as f64, Some(seconds), whole.picked(&picked.concat()))
+        })
+    }
+
+    fn over_threads(&self) -> Result<Vec<Point>> {
+        let most = rayon::current_num_threads();
+        let powers = (0..).map(|power| 1usize << power).take_while(|&threads| threads < most);
+        each(powers.chain([most]), |threads| {
+            with_threads(threads, || {
+                let (problem, seconds) = made(self.source.load(&[])?)?;
+                self.point(threads as f64, Some(seconds), problem.sampled(self.most()))
+            })
+        })
+    }
+
+    /// Fewer voxels may be in fewer rows; of all sizes as many are measured as there are at the size with the fewest.
+    fn over_setting(&self, sizes: &[(f64, String)]) -> Result<Vec<Point>> {
+        let all = each(sizes, |(size, setting)| {
+            let (problem, seconds) = made(self.source.load(std::slice::from_ref(setting))?)?;
+            Ok((*size, seconds, problem.sampled(self.most())))
+        })?;
+        let fewest = all.iter().map(|(.., problem)| problem.len()).min().unwrap_or(0);
+        each(all, |(size, seconds, problem)| self.point(size, Some(seconds), problem.sampled(fewest)))
+    }
+
+    fn point(&self, size: f64, problem_seconds: Option<f64>, mut problem: Problem) -> Result<Point> {
         let clock = Instant::now();
-        let problem = stage.problem()?;
-        let problem_seconds = clock.elapsed().as_secs_f64();
-        let mut sample = problem.sampled(most).sampled(problem.len().min(most) / part);
-        let clock = Instant::now();
-        sample.replan();
+        problem.replan();
         let planning = clock.elapsed().as_secs_f64();
-        let (times, bytes) = match &sample {
+        let (times, bytes) = match &problem {
             Problem::LightMap(p) => self.cost(|| p.operator_with(Strategy::Assembled, u64::MAX))?,
             Problem::Volume(_, p) => self.cost(|| p.operator(Strategy::Assembled, u64::MAX))?,
         };
         Ok(Point {
             size,
-            rows: sample.len() as u64,
+            rows: problem.len() as u64,
             problem_seconds,
             set_up_seconds: planning + times[0],
             seconds: times[1],
-            bytes: bytes + sample.scene_bytes(),
+            bytes: bytes + problem.scene_bytes(),
         })
     }
 
@@ -93,84 +141,109 @@ impl Scaling<'_> {
         Ok(([times.set_up, times.forward + times.backward], bytes))
     }
 
-    /// What grows, and to what.
-    fn sizes(&self, stage: &Stage) -> Vec<(&'static str, Vec<Sized<'_>>)> {
-        let parts: &[usize] = if self.quick { &[4, 1] } else { &[8, 4, 2, 1] };
-        let rows = parts.iter().map(|&part| self.with(part as f64, Vec::new()));
-        let mut sweeps = vec![
-            ("painted pixels", rows.collect()),
-            ("views", self.views(stage)),
-            ("threads", self.threads()),
-        ];
-        match stage {
-            Stage::LightMap(scene) => {
-                let (light, shadow) = (scene.light_map.size, scene.shadow_map.size);
-                sweeps.push(("light-map texels", self.maps("light_map", light, 4, parts)));
-                sweeps.push(("shadow-map texels", self.maps("shadow_map", shadow, LEAST_SIDE, parts)));
-            }
-            Stage::Volume(scene) => {
-                let size = scene.medium.extinction.grid().size();
-                sweeps.push(("voxels", parts.iter().map(|&part| self.voxels(size, part)).collect()));
-                if scene.stages.first() == Some(&Find::Environment) {
-                    let counts = parts.iter().map(|part| 256 / part);
-                    let with = |count: usize| {
-                        self.with(count as f64, vec![format!("environment.lights={{\"count\":{count}}}")])
-                    };
-                    sweeps.push(("lights", counts.map(with).collect()));
-                }
-            }
-        }
-        sweeps
+    fn most(&self) -> usize {
+        if self.quick { FEW_ROWS } else { ROWS }
     }
 
-    fn with(&self, size: f64, overrides: Vec<String>) -> Sized<'_> {
-        (size, Box::new(move || self.source.load(&overrides)))
+    /// Of what grows, what is left at each step.
+    fn parts(&self) -> &'static [usize] {
+        if self.quick { &[4, 1] } else { &[8, 4, 2, 1] }
+    }
+
+    /// So many of all, and all.
+    fn shares(&self, all: usize) -> Vec<usize> {
+        let mut shares: Vec<usize> = self.parts().iter().map(|part| (all / part).max(1)).collect();
+        shares.dedup();
+        shares
+    }
+
+    fn plans(&self, stage: &Stage) -> Vec<Plan> {
+        let plan = |over, held, grows| Plan { over, held, grows };
+        match stage {
+            Stage::LightMap(scene) => vec![
+                plan("painted pixels", "both maps", Grows::Rows),
+                plan("views", "both maps", Grows::Views),
+                plan("threads", "both maps", Grows::Threads),
+                plan(
+                    "light-map texels",
+                    "its place, the shadow map",
+                    self.maps("light_map", scene.light_map.size, 4),
+                ),
+                plan(
+                    "shadow-map texels",
+                    "its place, the light map",
+                    self.maps("shadow_map", scene.shadow_map.size, LEAST_SIDE),
+                ),
+            ],
+            Stage::Volume(scene) => {
+                let mut plans = vec![
+                    plan("painted pixels", "the volume", Grows::Rows),
+                    plan("views", "the volume", Grows::Views),
+                    plan("threads", "the volume", Grows::Threads),
+                ];
+                let voxels = self.voxels(scene.medium.extinction.grid().size());
+                if voxels.first().is_some_and(|smallest| self.has_voxels(smallest)) {
+                    plans.push(plan("voxels", "their box", Grows::Setting(voxels)));
+                }
+                if scene.stages.first() == Some(&Find::Environment) {
+                    let count = |part: &usize| 256 / part;
+                    let set = |count| (count as f64, format!("environment.lights={{\"count\":{count}}}"));
+                    let sizes = self.parts().iter().map(count).map(set).collect();
+                    plans.push(plan("lights", "the volume", Grows::Setting(sizes)));
+                }
+                plans
+            }
+        }
     }
 
     /// A map with its sides divided, from as long as that leaves sides that scenes may have.
-    fn maps(&self, name: &str, sides: [usize; 2], least: usize, parts: &[usize]) -> Vec<Sized<'_>> {
-        let longest = parts.iter().copied().max().unwrap_or(1);
+    fn maps(&self, name: &str, sides: [usize; 2], least: usize) -> Grows {
+        let longest = self.parts().iter().copied().max().unwrap_or(1);
         let one = |part: &usize| {
             let [w, h] = sides.map(|side| side.max(least * longest) / part);
-            self.with((w * h) as f64, vec![format!("{name}.size=[{w},{h}]")])
+            ((w * h) as f64, format!("{name}.size=[{w},{h}]"))
         };
-        parts.iter().map(one).collect()
+        Grows::Setting(self.parts().iter().map(one).collect())
     }
 
     /// A volume with its sides made so much shorter that it has a part of its voxels.
-    fn voxels(&self, size: [usize; 3], part: usize) -> Sized<'_> {
-        let factor = (part as f64).powf(-1.0 / 3.0);
-        let [x, y, z] = size.map(|side| ((side as f64 * factor).round() as usize).max(1));
-        self.with((x * y * z) as f64, vec![format!("volume.size=[{x},{y},{z}]")])
-    }
-
-    /// The first view, the first two, …
-    fn views(&self, stage: &Stage) -> Vec<Sized<'_>> {
-        let count = match stage {
-            Stage::LightMap(scene) => scene.views.len(),
-            Stage::Volume(scene) => scene.views.len(),
+    fn voxels(&self, size: [usize; 3]) -> Vec<(f64, String)> {
+        let one = |part: &usize| {
+            let factor = (*part as f64).powf(-1.0 / 3.0);
+            let [x, y, z] = size.map(|side| ((side as f64 * factor).round() as usize).max(1));
+            ((x * y * z) as f64, format!("volume.size=[{x},{y},{z}]"))
         };
-        let step = count.div_ceil(if self.quick { 2 } else { 4 }).max(1);
-        let counts = (1..=count).filter(|views| views % step == 0 || *views == count);
-        let one = |views: usize| -> Sized<'_> {
-            let make = move || {
-                let mut stage = self.source.load(&[])?;
-                match &mut stage {
-                    Stage::LightMap(scene) => scene.views.truncate(views),
-                    Stage::Volume(scene) => scene.views.truncate(views),
-                }
-                Ok(stage)
-            };
-            (views as f64, Box::new(make))
-        };
-        counts.map(one).collect()
+        self.parts().iter().map(one).collect()
     }
+    /// Whether a scene has as many voxels as it is asked for; a file has its own number.
+    fn has_voxels(&self, (count, setting): &(f64, String)) -> bool {
+        let stage = self.source.load(std::slice::from_ref(setting));
+        let has = |scene: &VolumeScene| scene.medium.extinction.grid().len() as f64 == *count;
+        stage.is_ok_and(|stage| matches!(&stage, Stage::Volume(scene) if has(scene)))
+    }
+}
 
-    fn threads(&self) -> Vec<Sized<'_>> {
-        let most = rayon::current_num_threads();
-        let powers = (0..).map(|power| 1usize << power).take_while(|&threads| threads < most);
-        powers.chain([most]).map(|threads| self.with(threads as f64, Vec::new())).collect()
-    }
+/// What a sweep holds, in words.
+fn held(plan: &Plan, points: &[Point]) -> String {
+    let Some(first) = points.first() else { return plan.held.to_owned() };
+    let rows = match plan.grows {
+        Grows::Rows => return format!("{}; the problem is made of all of them", plan.held),
+        Grows::Views => format!("{} rows a view", first.rows / first.size as u64),
+        _ => format!("{} rows", first.rows),
+    };
+    format!("{rows}, {}", plan.held)
+}
+
+/// What is made of each, until Ctrl-C.
+fn each<T, U>(values: impl IntoIterator<Item = T>, make: impl FnMut(T) -> Result<U>) -> Result<Vec<U>> {
+    values.into_iter().take_while(|_| !interrupted()).map(make).collect()
+}
+
+/// The problem, and the seconds that making it takes.
+fn made(stage: Stage) -> Result<(Problem, f64)> {
+    let clock = Instant::now();
+    let problem = stage.problem()?;
+    Ok((problem, clock.elapsed().as_secs_f64()))
 }
 
 fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {

@@ -1,5 +1,6 @@
 //! What is measured: a scene, and a sample of its rows in one basis.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::cases::Between;
@@ -10,7 +11,7 @@ use crate::cpu::WalkPlan;
 use crate::io::scene_file::{self, Subject};
 use crate::march::{LightMapTraversal, Traversal, VolumeTransport, VolumeTraversal};
 use crate::operator::CpuVector;
-use crate::problem::{Formulation, HostOperator, LightMapProblem, VolumeProblem, VolumeRows};
+use crate::problem::{Formulation, HostOperator, LightMapProblem, VolumeProblem, VolumeRows, evenly};
 use crate::scene::{
     Basis, Find, Interpolation, Quadrature, Rgb, Scene, SolveSettings, Strategy, VolumeScene, Weight,
 };
@@ -96,6 +97,19 @@ impl Stage {
             (Self::LightMap(scene), Between::Linear) => scene.solve.basis = Basis::Bilinear,
             (Self::Volume(scene), Between::Nearest) => scene.medium.interpolation = Interpolation::Nearest,
             (Self::Volume(scene), Between::Linear) => scene.medium.interpolation = Interpolation::Trilinear,
+        }
+        self
+    }
+
+    /// The same with these of its views alone.
+    pub(super) fn of_views(mut self, views: &[usize]) -> Self {
+        fn keep<T>(all: &mut Vec<T>, views: &[usize]) {
+            let mut index = 0..;
+            all.retain(|_| index.next().is_some_and(|index| views.contains(&index)));
+        }
+        match &mut self {
+            Self::LightMap(scene) => keep(&mut scene.views, views),
+            Self::Volume(scene) => keep(&mut scene.views, views),
         }
         self
     }
@@ -186,10 +200,28 @@ impl<const C: usize> Traversal<f64, C> for Rows {
 impl Problem {
     /// At most so many of its rows, evenly spread.
     pub(super) fn sampled(&self, rows: usize) -> Self {
+        self.picked(&evenly(rows, self.len()))
+    }
+
+    /// Some of its rows.
+    pub(super) fn picked(&self, rows: &[usize]) -> Self {
         match self {
-            Self::LightMap(problem) => Self::LightMap(problem.sampled(rows)),
-            Self::Volume(find, problem) => Self::Volume(*find, problem.sampled(rows)),
+            Self::LightMap(problem) => Self::LightMap(problem.picked(rows)),
+            Self::Volume(find, problem) => Self::Volume(*find, problem.picked(rows)),
         }
+    }
+
+    /// The views that have rows, each with its rows.
+    pub(super) fn rows_of_views(&self) -> BTreeMap<usize, Vec<usize>> {
+        let mut views = BTreeMap::<usize, Vec<usize>>::new();
+        for row in 0..self.len() {
+            let view = match self {
+                Self::LightMap(problem) => problem.constraints[row].view,
+                Self::Volume(_, problem) => problem.traversal.rays().pixel(row)[0] as usize,
+            };
+            views.entry(view).or_default().push(row);
+        }
+        views
     }
 
     /// The same rows, integrated in another way or cut at another transmittance; none where they cannot be.
@@ -218,14 +250,6 @@ impl Problem {
             },
         }
         Some(changed)
-    }
-
-    /// Some of its rows.
-    pub(super) fn picked(&self, rows: &[usize]) -> Self {
-        match self {
-            Self::LightMap(problem) => Self::LightMap(problem.picked(rows)),
-            Self::Volume(find, problem) => Self::Volume(*find, problem.picked(rows)),
-        }
     }
 
     pub(super) fn rows(&self) -> Rows {

@@ -1,9 +1,13 @@
 use std::path::Path;
 
-use crate::report::bench::{Against, Bench, Measured, Record, Standing, Sweep, front};
+use super::counts::LEFT_OUT;
+use crate::report::bench::{Against, Bench, Law, Measured, Record, Standing, Sweep, front};
+
+/// Counts that fell of which so many are listed.
+const SHOWN: usize = 8;
 
 /// Standard output: what matters of each scene, laws, and where the rest is.
-pub(super) fn summary(bench: &Bench, taken: usize, folder: &Path) -> String {
+pub(super) fn summary(bench: &Bench, taken: usize, folder: &Path, counts: Option<&Path>) -> String {
     let mut lines = Vec::new();
     for scene in bench.scenes() {
         of_scene(bench, scene, &mut lines);
@@ -13,7 +17,7 @@ pub(super) fn summary(bench: &Bench, taken: usize, folder: &Path) -> String {
             "{:44} {:>9} {:>9} {:>9} {:>9}",
             "cost ~ size^e", "problem", "set-up", "products", "memory"
         ));
-        lines.extend(bench.scaling.iter().map(sweep));
+        lines.extend(bench.scaling.iter().flat_map(sweep));
         lines.push(String::new());
     }
     if !bench.skipping.is_empty() {
@@ -35,8 +39,10 @@ pub(super) fn summary(bench: &Bench, taken: usize, folder: &Path) -> String {
         lines.push(String::new());
     }
     for law in bench.laws.iter().filter(|law| !law.holds) {
-        lines.push(format!("BROKEN  {}", law.case));
-        lines.push(format!("        {}: {:.1e}, at most {:.1e}", law.law, law.error, law.bound));
+        lines.extend([format!("BROKEN  {}", law.case), format!("        {}", broken(law))]);
+    }
+    if let Some(counts) = counts {
+        of_counts(bench, folder, counts, &mut lines);
     }
     let known = if taken > 0 { format!(", {taken} results of an earlier run") } else { String::new() };
     lines.push(format!(
@@ -45,8 +51,41 @@ pub(super) fn summary(bench: &Bench, taken: usize, folder: &Path) -> String {
         bench.held.of,
         bench.records.len()
     ));
+    if !bench.complete {
+        lines.push("interrupted: not every case was run; --resume goes on".to_owned());
+    }
     lines.push(format!("results in {}", folder.join("bench.html").display()));
     lines.join("\n")
+}
+
+fn broken(law: &Law) -> String {
+    match law.before {
+        Some(before) => format!("{} rose from {before} to {}; at most {}", law.law, law.error, law.bound),
+        None if law.law == LEFT_OUT => law.law.to_owned(),
+        None => format!("{}: {:.1e}, at most {:.1e}", law.law, law.error, law.bound),
+    }
+}
+
+/// Counts that fell, and how to accept those of this run where they are not what they were.
+fn of_counts(bench: &Bench, folder: &Path, counts: &Path, lines: &mut Vec<String>) {
+    let fell: Vec<&Law> = bench.laws.iter().filter(|law| law.fell()).collect();
+    for law in fell.iter().take(SHOWN) {
+        let before = law.before.unwrap_or_default();
+        lines.extend([
+            format!("fell    {}", law.case),
+            format!("        {} from {before} to {}", law.law, law.error),
+        ]);
+    }
+    if fell.len() > SHOWN {
+        lines.push(format!("        and {} more", fell.len() - SHOWN));
+    }
+    let is_broken = |law: &Law| !law.holds && (law.before.is_some() || law.law == LEFT_OUT);
+    if fell.is_empty() && !bench.laws.iter().any(is_broken) {
+        return;
+    }
+    let first = if bench.complete { "" } else { "run to the end, then " };
+    lines.push("to have these counts from now on:".to_owned());
+    lines.push(format!("  {first}cp {} {}", folder.join("counts.csv").display(), counts.display()));
 }
 
 fn of_scene(bench: &Bench, scene: &str, lines: &mut Vec<String>) {
@@ -114,11 +153,15 @@ fn row(record: &Record, is_best: bool) -> String {
     )
 }
 
-fn sweep(sweep: &Sweep) -> String {
+fn sweep(sweep: &Sweep) -> [String; 2] {
     let [problem, set_up, products, memory] =
         sweep.exponents.map(|e| e.map_or("–".to_owned(), |e| format!("{e:.2}")));
-    format!(
-        "{:44} {problem:>9} {set_up:>9} {products:>9} {memory:>9}",
-        format!("  {}: {}", sweep.scene, sweep.over)
-    )
+    let sizes: Vec<String> = sweep.points.iter().map(|point| point.size.to_string()).collect();
+    [
+        format!(
+            "{:44} {problem:>9} {set_up:>9} {products:>9} {memory:>9}",
+            format!("  {}: {}", sweep.scene, sweep.over)
+        ),
+        format!("    {}; held: {}", sizes.join(", "), sweep.held),
+    ]
 }

@@ -13,7 +13,7 @@ use super::{
 use crate::cpu::WalkPlan;
 use crate::march::{Part, Quantity, Traversal, VolumeTraversal, Weight};
 use crate::operator::{Bounds, CpuVector};
-use crate::problem::{Formulation, Lattice, Start, Steering};
+use crate::problem::{Formulation, Lattice, Start, Steering, evenly};
 use crate::scene::{
     Environment, Find, MetricName, Rgb, SolveSettings, Strategy, Volume, VolumeMedium, VolumeScene, VoxelSet,
 };
@@ -207,10 +207,9 @@ impl VolumeProblem {
         }
     }
 
-    /// The problem of at most `rows` of its rows, evenly spread.
+    /// The problem of `rows` of its rows, evenly spread; of all where there are not as many.
     pub fn sampled(&self, rows: usize) -> Self {
-        let stride = self.targets.len().div_ceil(rows.max(1)).max(1);
-        self.picked(&(0..self.targets.len()).step_by(stride).collect::<Vec<usize>>())
+        self.picked(&evenly(rows, self.targets.len()))
     }
 
     /// The same problem with its rows view by view and row by row of their pictures.

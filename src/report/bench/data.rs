@@ -99,8 +99,18 @@ pub struct Law {
     pub error: f64,
     /// What it may be at most.
     pub bound: f64,
+    /// What a count was before, where it is held against that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub before: Option<u64>,
     /// Whether it is.
     pub holds: bool,
+}
+
+impl Law {
+    /// Whether a count is less than it was.
+    pub fn fell(&self) -> bool {
+        self.before.is_some_and(|before| self.error < before as f64)
+    }
 }
 
 /// How the exact traversal stands against a march of the same scene, basis and strategy.
@@ -189,8 +199,8 @@ pub struct Point {
     pub size: f64,
     /// Rows that were measured.
     pub rows: u64,
-    /// Making the problem: surfaces, shadow map, light, targets.
-    pub problem_seconds: f64,
+    /// Making the problem: surfaces, shadow map, light, targets; none where it was made once for all points.
+    pub problem_seconds: Option<f64>,
     /// Walking and keeping the rows.
     pub set_up_seconds: f64,
     /// T x and Tᵀ y.
@@ -206,6 +216,8 @@ pub struct Sweep {
     pub scene: String,
     /// What grows.
     pub over: String,
+    /// What does not, in words.
+    pub held: String,
     /// From small to large.
     pub points: Vec<Point>,
     /// e in cost ~ sizeᵉ, of problem, set-up, products and bytes; none where that cannot be fitted.
@@ -214,17 +226,18 @@ pub struct Sweep {
 
 impl Sweep {
     /// With exponents fitted.
-    pub fn new(scene: &str, over: &str, points: Vec<Point>) -> Self {
-        let fit = |value: fn(&Point) -> f64| {
-            exponent(&points.iter().map(|point| [point.size, value(point)]).collect::<Vec<_>>())
+    pub fn new(scene: &str, over: &str, held: &str, points: Vec<Point>) -> Self {
+        let fit = |value: fn(&Point) -> Option<f64>| {
+            let values = points.iter().map(|point| Some([point.size, value(point)?]));
+            exponent(&values.collect::<Option<Vec<_>>>()?)
         };
         let exponents = [
             fit(|point| point.problem_seconds),
-            fit(|point| point.set_up_seconds),
-            fit(|point| point.seconds),
-            fit(|point| point.bytes as f64),
+            fit(|point| Some(point.set_up_seconds)),
+            fit(|point| Some(point.seconds)),
+            fit(|point| Some(point.bytes as f64)),
         ];
-        Self { scene: scene.to_owned(), over: over.to_owned(), points, exponents }
+        Self { scene: scene.to_owned(), over: over.to_owned(), held: held.to_owned(), points, exponents }
     }
 }
 
@@ -333,13 +346,13 @@ impl Bench {
     }
 }
 
-/// The records as a table with commas, as RFC 4180 has it.
+/// A table with commas, as RFC 4180 has it, with the names of fields for its head.
 ///
-/// Errors: [`Error::Machine`] when a record is no table row.
-pub fn csv(records: &[Record]) -> Result<String> {
+/// Errors: [`Error::Machine`] when what is given is no table row.
+pub fn csv(rows: &[impl Serialize]) -> Result<String> {
     let mut text = String::new();
-    for (index, record) in records.iter().enumerate() {
-        let value = serde_json::to_value(record)
+    for (index, row) in rows.iter().enumerate() {
+        let value = serde_json::to_value(row)
             .map_err(|error| Error::Machine(format!("cannot write CSV: {error}")))?;
         let fields = value.as_object().into_iter().flatten();
         let (names, cells): (Vec<String>, Vec<String>) =

@@ -1,8 +1,8 @@
 //! `bench.html`: one file that needs no other and no network.
 
 use super::super::plot::{self, Axis, Chart, Curve, Spacing};
-use super::super::words::{bytes, counted, escaped, number, seconds};
-use super::data::{Against, Bench, Measured, Record, Skipped, Standing, Sweep};
+use super::super::words::{bytes, count, counted, escaped, number, seconds};
+use super::data::{Against, Bench, Law, Measured, Record, Skipped, Standing, Sweep};
 use super::scatter::{Group, Mark, Scatter, scatter};
 use crate::Result;
 
@@ -58,7 +58,7 @@ fn of_scene(bench: &Bench, scene: &str) -> Result<String> {
     let of = |record: &&Record| record.scene == scene;
     let Some(first) = bench.records.iter().find(of) else { return Ok(String::new()) };
     let mut text = format!(
-        "<section>\n<h2>{}</h2>\n<p>A sample of {}, {}, about {}.</p>\n",
+        "<section>\n<h2>{}</h2>\n<p>A sample of {}, {}, about {}. Numbers beside marks are steps of a march.</p>\n",
         escaped(scene),
         counted(first.rows, "row"),
         counted(first.elements, "element"),
@@ -177,7 +177,7 @@ fn against<'a>(marches: impl Iterator<Item = &'a Against>) -> String {
 
 /// An exponent in words.
 fn power(exponent: Option<f64>) -> String {
-    exponent.map_or("–".to_owned(), |exponent| format!("{exponent:.2}"))
+    exponent.map_or("–".to_owned(), |exponent| format!("{exponent:.2}").replace('-', "−"))
 }
 
 fn scaling(sweeps: &[Sweep]) -> Result<String> {
@@ -187,43 +187,49 @@ fn scaling(sweeps: &[Sweep]) -> Result<String> {
     let (mut charts, mut rows) = (String::new(), String::new());
     for sweep in sweeps {
         charts.push_str(&format!(
-            "<figure class=\"chart\">{}</figure>\n",
-            without_namespace(&plot::chart(&chart(sweep))?)
+            "<figure class=\"chart\">{}<figcaption>Held: {}.</figcaption></figure>\n",
+            without_namespace(&plot::chart(&chart(sweep))?),
+            escaped(&sweep.held)
         ));
-        let sizes: Vec<String> = sweep.points.iter().map(|point| number(point.size)).collect();
+        let sizes: Vec<String> = sweep.points.iter().map(|point| count(point.size as u64)).collect();
         let most = sweep.points.last().map_or(0, |point| point.bytes);
         let cells: String = sweep.exponents.iter().map(|&e| format!("<td>{}</td>", power(e))).collect();
         rows.push_str(&format!(
-            "<tr><th>{}: {}</th><td>{}</td>{cells}<td>{}</td></tr>\n",
+            "<tr><th>{}: {}<small>{}</small></th><td>{}</td>{cells}<td>{}</td></tr>\n",
             escaped(&sweep.scene),
             escaped(&sweep.over),
-            sizes.join(", "),
+            escaped(&sweep.held),
+            sizes.join(" · "),
             bytes(most)
         ));
     }
     Ok(format!(
         "<section>\n<h2>Scaling</h2>\n<p>How cost grows with one thing, all else as it was: cost ~ size<sup>e</sup>, with the \
-         exponents e that fit best.</p>\n<table class=\"bench\">\n<thead><tr><th></th><th>sizes</th><th>e of problem</th>\
+         exponents e that fit best. What was held is said below each.</p>\n<table class=\"bench\">\n<thead><tr><th></th><th>sizes</th><th>e of problem</th>\
          <th>of set-up</th><th>of products</th><th>of memory</th><th>memory at most</th></tr></thead>\n<tbody>\n{rows}</tbody>\n\
          </table>\n<div class=\"charts\">\n{charts}</div>\n</section>\n"
     ))
 }
 
 fn chart(sweep: &Sweep) -> Chart {
-    let curve = |name: &str, index: usize, value: fn(&super::Point) -> f64| Curve {
-        label: format!("{name}, e = {}", power(sweep.exponents[index])),
+    let curve = |name: &str, index: usize, value: fn(&super::Point) -> Option<f64>| Curve {
+        label: format!("{name} e={}", power(sweep.exponents[index])),
         dashed: false,
-        points: sweep.points.iter().map(|point| [point.size, value(point)]).collect(),
+        points: sweep.points.iter().filter_map(|point| Some([point.size, value(point)?])).collect(),
     };
     Chart {
         title: format!("{}: {}", sweep.scene, sweep.over),
         x: Axis { label: sweep.over.clone(), spacing: Spacing::Log },
         y: Axis { label: "seconds".into(), spacing: Spacing::Log },
-        curves: vec![
+        curves: [
+            curve("set-up", 1, |point| Some(point.set_up_seconds)),
+            curve("products", 2, |point| Some(point.seconds)),
+            // The last, since it is not always there, so that colours are the same in all charts.
             curve("problem", 0, |point| point.problem_seconds),
-            curve("set-up", 1, |point| point.set_up_seconds),
-            curve("products", 2, |point| point.seconds),
-        ],
+        ]
+        .into_iter()
+        .filter(|curve| !curve.points.is_empty())
+        .collect(),
     }
 }
 
@@ -257,24 +263,35 @@ fn skipping(skipped: &[Skipped]) -> String {
     )
 }
 
+/// A number of a law: of a count, all its digits.
+fn measured(law: &Law, value: f64) -> String {
+    if law.before.is_some() { count(value as u64) } else { number(value) }
+}
+
 fn laws(bench: &Bench) -> String {
     let rows: String = bench
         .laws
         .iter()
         .map(|law| {
             format!(
-                "<tr{}><th>{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+                "<tr{}><th>{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
                 if law.holds { "" } else { " class=\"broken\"" },
                 escaped(&law.case),
                 escaped(law.law),
-                number(law.error),
-                number(law.bound),
-                if law.holds { "holds" } else { "broken" }
+                law.before.map(count).unwrap_or_default(),
+                measured(law, law.error),
+                measured(law, law.bound),
+                match (law.holds, law.fell()) {
+                    (true, true) => "fell",
+                    (true, false) => "holds",
+                    (false, _) => "broken",
+                }
             )
         })
         .collect();
     format!(
-        "<section>\n<h2>Laws</h2>\n<details{}><summary>{} of {} hold</summary>\n<table class=\"bench\">\n<tbody>\n{rows}</tbody>\n\
+        "<section>\n<h2>Laws</h2>\n<details{}><summary>{} of {} hold</summary>\n<table class=\"bench\">\n\
+         <thead><tr><th></th><th>law</th><th>before</th><th>measured</th><th>at most</th><th></th></tr></thead>\n<tbody>\n{rows}</tbody>\n\
          </table>\n</details>\n</section>\n",
         if bench.held.hold < bench.held.of { " open" } else { "" },
         bench.held.hold,

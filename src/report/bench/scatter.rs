@@ -1,7 +1,7 @@
 //! Points as SVG, cost across and error upwards, both by decades, with their Pareto front.
 
+use super::super::axes::{Axes, DISTINCT, TEXT, color};
 use super::super::plot::Spacing;
-use super::super::ticks::Scale;
 use super::super::words::escaped;
 use super::front;
 use crate::{Error, Result};
@@ -9,9 +9,8 @@ use crate::{Error, Result};
 const SIZE: [f64; 2] = [1100.0, 430.0];
 /// Left, top, right and bottom of what lies between the axes; the legend stands to the right of it.
 const FRAME: [f64; 4] = [74.0, 40.0, 880.0, 384.0];
-const TEXT: &str = "#83898f";
-/// Told apart on white and on black; where they end they begin again, with hollow marks.
-const COLORS: [&str; 7] = ["#d0605c", "#5a8fd6", "#58a066", "#c08a3e", "#9573c4", "#4aa3a3", "#b96a9b"];
+/// A little room, so that the outermost marks are whole.
+const INSET: f64 = 0.015;
 
 /// One measured point.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,12 +56,11 @@ pub fn scatter(scatter: &Scatter) -> Result<String> {
         let what = format!("a point of the chart {}", scatter.title);
         return Err(Error::NonFinite { what, place: mark.name.clone() });
     }
-    let scale = |axis: usize| Scale::of(marks.iter().map(|mark| mark.at[axis]), Spacing::Log);
-    let frame = Frame { x: scale(0), y: scale(1) };
     let points: Vec<[f64; 2]> = marks.iter().map(|mark| mark.at).collect();
+    let axes = Axes::over(FRAME, INSET, [Spacing::Log; 2], points.iter().copied());
     let front: Vec<[f64; 2]> = front(&points).into_iter().map(|index| points[index]).collect();
     let groups = scatter.groups.iter().enumerate();
-    let drawn: String = groups.map(|(index, group)| frame.group(group, index)).collect();
+    let drawn: String = groups.map(|(index, group)| drawn_group(&axes, group, index)).collect();
     Ok(format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\" \
          font-family=\"system-ui, sans-serif\" font-size=\"12\">\n<g fill=\"{TEXT}\" style=\"fill:var(--chart-text,{TEXT})\">\n{}{}{}</g>\n\
@@ -71,9 +69,9 @@ pub fn scatter(scatter: &Scatter) -> Result<String> {
         SIZE[1],
         escaped(&scatter.title),
         titles(scatter),
-        frame.axes(),
+        axes.svg(8),
         legend(&scatter.groups),
-        frame.steps(&front),
+        steps(&axes, &front),
     ))
 }
 
@@ -113,107 +111,63 @@ fn legend(groups: &[Group]) -> String {
     text
 }
 
-/// How the marks of a group look.
+/// How the marks of a group look: where the colours begin again they are hollow.
 fn paint(index: usize) -> String {
-    let color = COLORS[index % COLORS.len()];
-    match index < COLORS.len() {
+    let color = color(index);
+    match index < DISTINCT {
         true => format!("r=\"4\" fill=\"{color}\""),
         false => format!("r=\"4\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\""),
     }
 }
 
-struct Frame {
-    x: Scale,
-    y: Scale,
+/// The front as steps: up to the next point, the one before is the best there is.
+fn steps(axes: &Axes, front: &[[f64; 2]]) -> String {
+    let mut path = String::new();
+    for (index, &at) in front.iter().enumerate() {
+        let [x, y] = axes.point(at);
+        match index {
+            0 => path.push_str(&format!("M{x:.1} {:.1}V{y:.1}", FRAME[1])),
+            _ => path.push_str(&format!("H{x:.1}V{y:.1}")),
+        }
+    }
+    if path.is_empty() {
+        return path;
+    }
+    path.push_str(&format!("H{}", FRAME[2]));
+    format!(
+        "<path class=\"front\" d=\"{path}\" fill=\"none\" stroke=\"{TEXT}\" stroke-width=\"1.5\" \
+         stroke-dasharray=\"3 3\"/>\n"
+    )
 }
 
-impl Frame {
-    fn point(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let [left, top, right, bottom] = FRAME;
-        // A little room, so that the outermost marks are whole.
-        let inner = |place: f64| 0.015 + 0.97 * place;
-        [left + inner(self.x.place(x)) * (right - left), bottom - inner(self.y.place(y)) * (bottom - top)]
+fn drawn_group(axes: &Axes, group: &Group, index: usize) -> String {
+    let places: Vec<[f64; 2]> = group.marks.iter().map(|mark| axes.point(mark.at)).collect();
+    let mut text = String::new();
+    if group.joined && places.len() > 1 {
+        let points: Vec<String> = places.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+        let color = color(index);
+        text.push_str(&format!(
+            "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\" stroke-opacity=\"0.6\"/>\n",
+            points.join(" ")
+        ));
     }
-
-    fn axes(&self) -> String {
-        let [left, top, right, bottom] = FRAME;
-        let inner = |place: f64| 0.015 + 0.97 * place;
-        let (mut lines, mut labels) = (String::new(), String::new());
-        for (place, label) in self.y.ticks(8) {
-            let y = bottom - inner(place) * (bottom - top);
-            lines.push_str(&format!("M{left} {y:.1}H{right}"));
-            labels.push_str(&format!(
-                "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>\n",
-                left - 10.0,
-                y + 4.0,
-                escaped(&label)
-            ));
-        }
-        for (place, label) in self.x.ticks(8) {
-            let x = left + inner(place) * (right - left);
-            lines.push_str(&format!("M{x:.1} {bottom}v5"));
-            labels.push_str(&format!(
-                "<text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>\n",
-                bottom + 19.0,
-                escaped(&label)
-            ));
-        }
-        format!(
-            "<path d=\"{lines}M{left} {bottom}H{right}\" fill=\"none\" stroke=\"{TEXT}\" stroke-opacity=\"0.3\" \
-             style=\"stroke:var(--chart-line,{TEXT})\"/>\n{labels}"
-        )
-    }
-
-    /// The front as steps: up to the next point, the one before is the best there is.
-    fn steps(&self, front: &[[f64; 2]]) -> String {
-        let mut path = String::new();
-        for (index, &at) in front.iter().enumerate() {
-            let [x, y] = self.point(at);
-            match index {
-                0 => path.push_str(&format!("M{x:.1} {:.1}V{y:.1}", FRAME[1])),
-                _ => path.push_str(&format!("H{x:.1}V{y:.1}")),
-            }
-        }
-        if path.is_empty() {
-            return path;
-        }
-        path.push_str(&format!("H{}", FRAME[2]));
-        format!(
-            "<path class=\"front\" d=\"{path}\" fill=\"none\" stroke=\"{TEXT}\" stroke-width=\"1.5\" \
-             stroke-dasharray=\"3 3\"/>\n"
-        )
-    }
-
-    fn group(&self, group: &Group, index: usize) -> String {
-        let places: Vec<[f64; 2]> = group.marks.iter().map(|mark| self.point(mark.at)).collect();
-        let mut text = String::new();
-        if group.joined && places.len() > 1 {
-            let points: Vec<String> = places.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
-            let color = COLORS[index % COLORS.len()];
+    for (mark, [x, y]) in group.marks.iter().zip(places) {
+        text.push_str(&format!(
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" {}><title>{}</title></circle>\n",
+            paint(index),
+            escaped(&mark.name)
+        ));
+        if !mark.label.is_empty() {
             text.push_str(&format!(
-                "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\" stroke-opacity=\"0.6\"/>\n",
-                points.join(" ")
+                "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"10\" fill=\"{TEXT}\" style=\"fill:var(--chart-text,{TEXT})\">{}</text>\n",
+                x + 7.0,
+                y - 5.0,
+                escaped(&mark.label)
             ));
         }
-        for (mark, [x, y]) in group.marks.iter().zip(places) {
-            text.push_str(&format!(
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" {}><title>{}</title></circle>\n",
-                paint(index),
-                escaped(&mark.name)
-            ));
-            if !mark.label.is_empty() {
-                text.push_str(&format!(
-                    "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"10\" fill=\"{TEXT}\" style=\"fill:var(--chart-text,{TEXT})\">{}</text>\n",
-                    x + 7.0,
-                    y - 5.0,
-                    escaped(&mark.label)
-                ));
-            }
-        }
-        text
     }
+    text
 }
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -25,7 +25,10 @@ fn put_lines(desk: &Desk, lines: &[Value]) {
 fn every_case_is_in_the_files_and_every_law_holds() {
     let desk = desk();
     let told = desk.done(&QUICK).out;
-    assert_eq!(desk.names("out/bench"), ["bench.csv", "bench.html", "bench.json", "records.jsonl"]);
+    assert_eq!(
+        desk.names("out/bench"),
+        ["bench.csv", "bench.html", "bench.json", "counts.csv", "records.jsonl"]
+    );
     let bench = desk.json("out/bench/bench.json");
     let records = bench["records"].as_array().unwrap();
     // Products: two bases, two strategies, the exact one in two precisions and three marches. Nine solvers, and one with marches.
@@ -50,6 +53,17 @@ fn every_case_is_in_the_files_and_every_law_holds() {
             skip["work"]["with"].as_f64().unwrap() <= skip["work"]["without"].as_f64().unwrap(),
             "{skip}"
         );
+    }
+    for sweep in bench["scaling"].as_array().unwrap() {
+        // Rows are those that the size asks for, and nobody else's.
+        let of_size = ["painted pixels", "views"].contains(&sweep["over"].as_str().unwrap());
+        let rows_a_size = |point: &Value| {
+            let size = if of_size { point["size"].as_f64().unwrap() } else { 1.0 };
+            point["rows"].as_f64().unwrap() / size
+        };
+        let points = sweep["points"].as_array().unwrap();
+        assert!(points.iter().all(|point| rows_a_size(point) == rows_a_size(&points[0])), "{sweep}");
+        assert_eq!(sweep["exponents"][0].is_null(), sweep["over"] == "painted pixels", "{sweep}");
     }
     let csv = String::from_utf8(desk.read("out/bench/bench.csv")).unwrap();
     assert_eq!(csv.lines().count(), records.len() + 1);
@@ -98,6 +112,70 @@ fn a_run_that_is_resumed_measures_nothing_twice() {
     // Seconds are never the same twice, so these are the old ones.
     assert_eq!(again["records"][0], whole["records"][0]);
     assert!(desk.done(&resumed).out.contains(&format!("{} results of an earlier run", all.len() - 1)));
+}
+
+/// The same table of counts with one number changed: line, column, and what is made of the number.
+fn with(table: &str, start: &str, column: usize, change: fn(u64) -> u64) -> String {
+    let changed = |line: &str| {
+        let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+        fields[column] = change(fields[column].parse().unwrap()).to_string();
+        fields.join(",")
+    };
+    let line = |line: &str| if line.starts_with(start) { changed(line) } else { line.to_owned() } + "\n";
+    table.lines().map(line).collect()
+}
+
+#[test]
+fn counts_may_not_rise_and_what_fell_is_said() {
+    let desk = desk();
+    let quick = [&QUICK[..], &["--only-cases"]].concat();
+    desk.done(&quick);
+    let table = String::from_utf8(desk.read("out/bench/counts.csv")).unwrap();
+    let held = [&quick[..], &["--resume", "--counts", "counts.csv"]].concat();
+    let assembled = "scene/product/cpu/exact/linear/f32/assembled";
+    let solved = "scene/fista 1e-3/cpu/exact/linear";
+
+    desk.put("counts.csv", &table);
+    let laws = desk.json("out/bench/bench.json")["laws"].as_array().unwrap().len();
+    let told = desk.done(&held).out;
+    assert!(!told.contains("fell") && !told.contains("cp "), "{told}");
+    assert!(desk.json("out/bench/bench.json")["laws"].as_array().unwrap().len() > laws);
+
+    // Fewer than before are no fault, and neither are a few more steps: another machine rounds otherwise.
+    desk.put(
+        "counts.csv",
+        with(&with(&table, assembled, 2, |nonzeros| nonzeros + 1), solved, 1, |steps| steps - 2),
+    );
+    let told = desk.done(&held).out;
+    assert!(told.contains(assembled) && told.contains("fell") && told.contains("non-zeros from"), "{told}");
+    assert!(!told.contains(solved) && told.contains("cp out/bench/counts.csv counts.csv"), "{told}");
+
+    let is_told = |lowered: String, case: &str, words: &str| {
+        desk.put("counts.csv", lowered);
+        let told = desk.run(&held).exits_with(1).out;
+        for part in ["BROKEN", case, words, "cp out/bench/counts.csv counts.csv"] {
+            assert!(told.contains(part), "{part} in {told}");
+        }
+    };
+    is_told(with(&table, assembled, 2, |nonzeros| nonzeros - 1), assembled, "non-zeros rose from");
+    is_told(with(&table, assembled, 3, |bytes| bytes - 1), assembled, "bytes of kept rows rose from");
+    is_told(with(&table, solved, 1, |steps| steps / 2), solved, "operator applications rose from");
+    is_told(format!("{table}scene/gone,1,2,3\n"), "scene/gone", "left out, but counted before");
+
+    // A case that is new is held against nothing.
+    let old: Vec<&str> = table.lines().filter(|line| !line.starts_with(assembled)).collect();
+    desk.put("counts.csv", old.join("\n"));
+    desk.done(&held);
+}
+
+#[test]
+fn counts_that_cannot_be_read_are_said_before_anything_is_measured() {
+    let desk = desk();
+    let held = [&QUICK[..], &["--only-cases", "--counts", "counts.csv"]].concat();
+    desk.run(&held).exits_with(1).tells("counts.csv");
+    desk.put("counts.csv", "case,applications,nonzeros,bytes\nscene/a,1,2\n");
+    desk.run(&held).exits_with(1).tells("counts.csv is not a usable counts file").tells("line 2");
+    assert!(!desk.path("out").exists());
 }
 
 #[test]
