@@ -7,7 +7,7 @@ use unscatter::Error;
 use unscatter::cpu::WalkPlan;
 use unscatter::march::Surroundings;
 use unscatter::operator::{CpuVector, LinearOperator, Neighbours, adjoint_test};
-use unscatter::problem::{LightMapProblem, TransportOperator, render, solve};
+use unscatter::problem::{LightMapProblem, TransportOperator, evenly, render, solve};
 use unscatter::scene::{Medium, Ray, Rgb, Scene, Strategy, Weight};
 use unscatter::solve::Control;
 use unscatter::sparse::ExplicitMatrix;
@@ -283,8 +283,7 @@ fn a_few_rows_are_the_rows_they_are() {
     let problem = LightMapProblem::new(&scene_of(&CASES[0])).unwrap();
     let few = problem.sampled(100);
     let [all, few_of_all] = [&problem, &few].map(|problem| shown(problem, &some_light(problem, 3)));
-    let stride = problem.constraints.len().div_ceil(100);
-    let expected: Vec<Rgb> = all.into_iter().step_by(stride).collect();
+    let expected: Vec<Rgb> = evenly(100, all.len()).into_iter().map(|row| all[row]).collect();
     assert_eq!(few_of_all, expected);
 }
 
