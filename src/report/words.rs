@@ -23,7 +23,7 @@ pub(super) struct Nouns {
 impl Nouns {
     pub(super) fn of(report: &Report) -> Self {
         if report.is_of_volume() {
-            return Self {
+            let of_volume = Self {
                 pixel: "wanted pixel",
                 unknown: "voxel",
                 thing: "volume",
@@ -35,6 +35,19 @@ impl Nouns {
                 after: "the volume that was found",
                 difference: "how far the picture misses the target",
                 impossible: "targets ask for what no volume can do",
+            };
+            // Coverage is that of the last stage.
+            if report.stages.last().is_none_or(|stage| stage.find != "environment") {
+                return of_volume;
+            }
+            return Self {
+                unknown: "light",
+                thing: "light",
+                reached: "Lights found",
+                before: "the volume under the light at the start",
+                after: "the volume under the light that was found",
+                impossible: "targets ask for what no light can do",
+                ..of_volume
             };
         }
         let of_light_map = Self {

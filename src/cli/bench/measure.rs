@@ -20,7 +20,7 @@ use crate::scene::{Quadrature, SolveSettings, SolverName};
 use crate::{Error, Result};
 
 /// A solve that says it has converged may have as many tolerances left: what `solve::drive` confirms.
-pub(super) const CONFIRMED: f64 = 1.5;
+const CONFIRMED: f64 = 1.5;
 
 /// How long is measured, and how far is solved.
 #[derive(Debug, Clone, Copy)]
@@ -61,7 +61,7 @@ impl Patience {
     }
 
     /// The median of what something takes.
-    pub(super) fn median(&self, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
+    fn median(&self, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
         let [least, most] = self.repetitions;
         let (mut seconds, begun) = (Vec::new(), Instant::now());
         loop {

@@ -5,7 +5,7 @@ use std::cell::OnceCell;
 use super::cases::Between;
 use super::subject::{Problem, Rows, Stage};
 use crate::cli::progress::{interrupted, unless_interrupted, until_interrupted};
-use crate::operator::{CpuVector, LinearOperator, Vector};
+use crate::operator::{Blocks, CpuVector, LinearOperator, Vector};
 use crate::problem::{HostOperator, Solved, System, TransportOperator, measure, minimize};
 use crate::scene::{MetricName, Rgb, SolveSettings, SolverName, Strategy};
 use crate::{Error, Result};
@@ -109,16 +109,14 @@ impl Sample {
         Some(part.powi(2) * gradient / curvature / (start - least).max(f64::MIN_POSITIVE))
     }
 
-    /// How far from the solution, relative to the start, something may be whose projected gradient has fallen to a part of its
-    /// start: λ ‖x − x*‖ ≤ ‖projected gradient‖. None where there is no λ.
-    pub(super) fn nearness(&self, reference: &Reference, part: f64) -> Option<f64> {
-        let [gradient, curvature] = reference.steepness?;
-        Some(part * gradient.sqrt() / curvature / reference.from_start.max(f64::MIN_POSITIVE))
-    }
-
-    /// How far two solutions are apart, relative to how far the start is from the reference.
-    pub(super) fn apart(&self, reference: &Reference, a: &[Rgb], b: &[Rgb]) -> f64 {
-        distance(a, b) / reference.from_start.max(f64::MIN_POSITIVE)
+    /// How far two solutions are apart in what they show and what pulls at them: ‖A (x − x')‖ relative to √(F(x₀) − F(x*)). Half of
+    /// the most that it may be is the root of [`Self::bound`], for ‖A (x − x*)‖² ≤ F(x) − F(x*) within bounds.
+    pub(super) fn apart(&self, reference: &Reference, solver: SolverName, x: [&[Rgb]; 2]) -> Result<f64> {
+        let [least, start] = reference.objective;
+        let [mut difference, other] = [self.residual(solver, x[0])?, self.residual(solver, x[1])?];
+        difference.axpby([-1.0; 3], &other, [1.0; 3]);
+        let square = difference.norm_squared()?.iter().sum::<f64>();
+        Ok((square / (start - least).max(f64::MIN_POSITIVE)).sqrt())
     }
 
     /// A solve of the rows kept in f64.
@@ -184,6 +182,11 @@ impl Sample {
 
     /// ‖[W T E; √λ R] x − …‖² in f64, whatever x was found with.
     fn objective(&self, solver: SolverName, x: &[Rgb]) -> Result<f64> {
+        Ok(self.residual(solver, x)?.norm_squared()?.iter().sum())
+    }
+
+    /// b − [W T E; √λ R] x in f64.
+    fn residual(&self, solver: SolverName, x: &[Rgb]) -> Result<Blocks<CpuVector<f64>>> {
         let settings = SolveSettings { solver, metric: MetricName::None, ..self.settings.clone() };
         let formulation = self.problem.formulation(&settings)?;
         let system = System::new(&formulation, &self.wide, &self.coverage, &settings)?;
@@ -192,7 +195,7 @@ impl Sample {
             system.columns().iter().map(|&column| x[column as usize].map(f64::from)).collect();
         let (x, mut r) = (CpuVector(picked), problem.operator().range());
         problem.residual(&x, &mut r)?;
-        Ok(r.norm_squared()?.iter().sum())
+        Ok(r)
     }
 }
 

@@ -1,24 +1,26 @@
 //! What is saved by what is skipped, and what it changes.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use super::cases::Between;
-use super::measure::{CONFIRMED, Patience};
+use super::measure::Patience;
 use super::reference::{Sample, relative};
 use super::subject::{Problem, Source};
 use crate::Result;
 use crate::cli::check::AGAINST_EXPLICIT;
 use crate::march::{LightMapTransport, Quantity, VolumeTransport, VolumeTraversal};
 use crate::operator::{CpuVector, LinearOperator, Vector};
-use crate::problem::VolumeRows;
+use crate::problem::{Solved, VolumeRows};
 use crate::report::bench::{Pair, Skipped};
 use crate::scene::{Quadrature, Skipping, SolveSettings, SolverName, Strategy};
 
 /// Sums that only differ in their order, or in terms that are zero, part by no more.
 const ROUNDING: f64 = 1e-12;
-/// Part of its start that the projected gradient of compared solutions falls to.
-const TOLERANCE: f64 = 1e-6;
-const ITERATIONS: usize = 5000;
+/// Solutions are handed over in f32.
+const IN_F32: f64 = 1e-5;
+/// Part of its start that the projected gradient of compared solutions falls to, where iterations allow.
+const TOLERANCE: f64 = 1e-3;
 
 /// Compares a scene with and without each thing that is skipped.
 pub(super) struct Comparison<'a> {
@@ -194,12 +196,12 @@ impl Comparison<'_> {
         &self,
         thing: Thing,
         without: Skipping,
-        work: impl Fn(&crate::problem::Solved) -> f64,
+        work: impl Fn(&Solved) -> f64,
     ) -> Result<Option<Skipped>> {
         let with = SolveSettings {
             solver: SolverName::default(),
             tolerance: TOLERANCE,
-            iterations: ITERATIONS,
+            iterations: self.patience.iterations,
             ..self.sample.settings.clone()
         };
         let without = SolveSettings { skip: without, ..with.clone() };
@@ -208,24 +210,23 @@ impl Comparison<'_> {
             return Ok(None);
         }
         let reference = self.sample.reference(true)?;
-        let mut solved = Vec::new();
-        let mut seconds = [0.0; 2];
-        for (settings, seconds) in [&with, &without].into_iter().zip(&mut seconds) {
-            let mut last = None;
-            *seconds = self.patience.median(|| {
-                last = Some(self.sample.solve(settings)?);
-                Ok(())
-            })?;
-            solved.extend(last);
-        }
-        let [with, without] = &solved[..] else { return Ok(None) };
-        // Both are as near to the solution as what is left of their gradients proves.
-        let left = [with, without].map(|solved| {
-            solved.outcome.true_normal_residual.iter().copied().fold(CONFIRMED * TOLERANCE, f64::max)
-        });
-        let Some(bound) = self.sample.nearness(reference, left[0] + left[1]) else { return Ok(None) };
-        let difference = self.sample.apart(reference, &with.x, &without.x);
-        Ok(Some(self.skipped(thing, [work(with), work(without)], seconds, [difference, bound])))
+        let timed = |settings: &SolveSettings| -> Result<_> {
+            let clock = Instant::now();
+            let solved = self.sample.solve(settings)?;
+            Ok((solved, clock.elapsed().as_secs_f64()))
+        };
+        let solver = with.solver;
+        let ((with, seconds), (without, seconds_without)) = (timed(&with)?, timed(&without)?);
+        // Each is as near to the solution as what is left of its gradient proves.
+        let nearness = |solved: &Solved| {
+            let left = solved.outcome.true_normal_residual.iter().copied().fold(0.0, f64::max);
+            self.sample.bound(reference, left).map(f64::sqrt)
+        };
+        let (Some(near), Some(near_without)) = (nearness(&with), nearness(&without)) else { return Ok(None) };
+        let difference = self.sample.apart(reference, solver, [&with.x, &without.x])?;
+        let bound = near + near_without + IN_F32;
+        let seconds = [seconds, seconds_without];
+        Ok(Some(self.skipped(thing, [work(&with), work(&without)], seconds, [difference, bound])))
     }
 
     fn skipped(

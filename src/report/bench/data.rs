@@ -279,7 +279,7 @@ pub struct Skipped {
     pub work: Pair,
     /// Seconds of T x and Tᵀ y together, or of a solve.
     pub seconds: Pair,
-    /// Of what that gives, relative; of solutions relative to ‖x₀ − x*‖.
+    /// Of what that gives, relative; of solutions in what they show, relative to √(F(x₀) − F(x*)).
     pub difference: f64,
     /// What that may be at most.
     pub bound: f64,

@@ -28,7 +28,12 @@ fn the_light_is_found_and_can_be_the_start_of_another_solve() {
     assert_eq!(report["problem"]["unknowns"], 18);
     let after = report["weighted_residual"]["after"].as_f64().unwrap();
     assert!(after < 0.01, "{after}");
-    assert!(String::from_utf8(desk.read("out/report.html")).unwrap().contains("The light around it"));
+    let page = String::from_utf8(desk.read("out/report.html")).unwrap();
+    assert!(
+        page.contains("The light around it")
+            && page.contains("Lights found")
+            && !page.contains("Voxels found")
+    );
     assert!(desk.names("out").iter().any(|name| name == "environment.png"));
     for file in ["environment.exr", "environment.hdr"] {
         // A map is written as it is, so that it starts where it ended; a radiance beside a file is a factor.
