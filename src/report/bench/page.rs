@@ -5,6 +5,7 @@ use super::super::words::{bytes, count, counted, escaped, number, seconds};
 use super::data::{Against, Bench, Law, Measured, Record, Skipped, Standing, Sweep};
 use super::scatter::{Group, Mark, Scatter, scatter};
 use crate::Result;
+use crate::scene::SolverName;
 
 /// What a browser may load for the page: what is in it.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'";
@@ -125,7 +126,9 @@ fn solves(basis: &str, records: &[&Record]) -> Scatter {
     let mut groups = Vec::new();
     for record in records.iter().filter(|record| record.measured == Measured::Solve) {
         let Some(solver) = &record.solver else { continue };
-        let label = record.steps.map(|steps| steps.to_string()).unwrap_or_default();
+        // Steps beside every solver's points would hide them.
+        let is_default = solver == SolverName::default().name();
+        let label = record.steps.filter(|_| is_default).map(|steps| steps.to_string()).unwrap_or_default();
         let mark = Mark { at: record.point(), name: spoken(record), label };
         put(&mut groups, solver.clone(), false, mark);
     }
