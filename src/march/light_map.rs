@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::basis::{Bilinear, Nearest, Piece, Window};
 use super::visibility::{ShadowRay, clip};
-use super::{BesideRows, Real, Surroundings, Traversal, Weight, least};
+use super::{BesideRows, Real, Surroundings, Traversal, Weight, least, most};
 use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray, ShadowMap};
 
 /// Level of the nodes of a mask that short stretches begin with.
@@ -140,6 +140,14 @@ impl LightMapTraversal {
         self.weight_between(&self.rays[row], 0.0, self.end(&self.rays[row]))
     }
 
+    /// The ray of a row, whose lit stretches are found once for more than one use.
+    pub fn lit_ray(&self, row: usize) -> LitRay<'_> {
+        let (ray, mut stretches) = (&self.rays[row], Vec::new());
+        shadow_ray::<f64>(ray, &self.transport.shadow_map)
+            .lit_stretches(0.0, self.end(ray), |start, end| stretches.push([start, end]));
+        LitRay { transport: &self.transport, ray, end: self.end(ray), stretches }
+    }
+
     /// The weight of light that reaches the row from outside the light map, exact whatever the quadrature.
     pub fn surrounding_weight(&self, row: usize) -> [f64; 3] {
         let (ray, end) = (&self.rays[row], self.end(&self.rays[row]));
@@ -207,14 +215,75 @@ pub fn weight_between(
 ) -> [f64; 3] {
     let mut sum = [0.0; 3];
     if a < b {
-        shadow_ray::<f64>(ray, shadow_map).lit_stretches(a, b, |start, end| {
-            for c in 0..3 {
-                let entering = (-sigma_t[c] * start).exp();
-                sum[c] += entering * super::exponential::extinguished(sigma_t[c] * (end - start));
-            }
-        });
+        let lit = shadow_ray::<f64>(ray, shadow_map);
+        lit.lit_stretches(a, b, |start, end| add_extinguished(&mut sum, sigma_t, [start, end]));
     }
     std::array::from_fn(|c| ray.scattering[c] * sum[c])
+}
+
+/// Adds the part of what the eye sends along a ray that is extinguished in a stretch of it.
+#[inline(always)]
+fn add_extinguished(sum: &mut [f64; 3], sigma_t: [f64; 3], [start, end]: [f64; 2]) {
+    for c in 0..3 {
+        let entering = (-sigma_t[c] * start).exp();
+        sum[c] += entering * super::exponential::extinguished(sigma_t[c] * (end - start));
+    }
+}
+
+/// A ray of a [`LightMapTraversal`] whose lit stretches are known: a matrix of one row, over the texels alone.
+#[derive(Debug, Clone)]
+pub struct LitRay<'a> {
+    transport: &'a LightMapTransport,
+    ray: &'a ViewRay,
+    end: f64,
+    /// In metres from the eye, in order.
+    stretches: Vec<[f64; 2]>,
+}
+
+impl LitRay<'_> {
+    /// What [`LightMapTraversal::lit_weight`] is of the row.
+    pub fn weight(&self) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for &stretch in &self.stretches {
+            add_extinguished(&mut sum, self.transport.sigma_t, stretch);
+        }
+        std::array::from_fn(|c| self.ray.scattering[c] * sum[c])
+    }
+}
+
+impl<const C: usize> Traversal<f64, C> for LitRay<'_> {
+    fn rows(&self) -> usize {
+        1
+    }
+
+    fn elements(&self) -> usize {
+        self.transport.light_map.len()
+    }
+
+    #[inline]
+    fn walk(&self, _row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
+        self.transport.walk_any(self.ray, self.end, &self.stretches, visit);
+    }
+}
+
+/// What finds the lit stretches of [a, b] of a ray.
+trait Lit<F> {
+    fn each(&self, a: F, b: F, visit: impl FnMut(F, F));
+}
+
+impl<F: Real> Lit<F> for ShadowRay<'_, F> {
+    #[inline(always)]
+    fn each(&self, a: F, b: F, visit: impl FnMut(F, F)) {
+        self.lit_stretches(a, b, visit);
+    }
+}
+
+impl Lit<f64> for Vec<[f64; 2]> {
+    #[inline(always)]
+    fn each(&self, a: f64, b: f64, mut visit: impl FnMut(f64, f64)) {
+        let inside = self.iter().map(|&[start, end]| (most(start, a), least(end, b)));
+        inside.filter(|(start, end)| start < end).for_each(|(start, end)| visit(start, end));
+    }
 }
 
 impl<F: Real, const C: usize> Traversal<F, C> for LightMapTraversal {
@@ -247,10 +316,8 @@ impl LightMapTraversal {
     #[inline]
     fn walk_texels<F: Real, const C: usize>(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
         let ray = &self.rays[row];
-        match self.transport.basis {
-            Basis::Nearest => self.transport.walk::<F, C, Nearest<F, C>>(ray, self.end(ray), visit),
-            Basis::Bilinear => self.transport.walk::<F, C, Bilinear<F, C>>(ray, self.end(ray), visit),
-        }
+        let lit = shadow_ray::<F>(ray, &self.transport.shadow_map);
+        self.transport.walk_any(ray, self.end(ray), &lit, visit);
     }
 }
 
@@ -267,10 +334,25 @@ impl LightMapTransport {
     }
 
     #[inline]
+    fn walk_any<F: Real, const C: usize>(
+        &self,
+        ray: &ViewRay,
+        end: f64,
+        lit: &impl Lit<F>,
+        visit: &mut impl FnMut(usize, Weight<F, C>),
+    ) {
+        match self.basis {
+            Basis::Nearest => self.walk::<F, C, Nearest<F, C>>(ray, end, lit, visit),
+            Basis::Bilinear => self.walk::<F, C, Bilinear<F, C>>(ray, end, lit, visit),
+        }
+    }
+
+    #[inline]
     fn walk<F: Real, const C: usize, W: Window<F, C>>(
         &self,
         ray: &ViewRay,
         end: f64,
+        lit: &impl Lit<F>,
         visit: &mut impl FnMut(usize, Weight<F, C>),
     ) {
         let Some([enter, leave]) = self.inside(ray, end) else { return };
@@ -302,14 +384,11 @@ impl LightMapTransport {
                 }
             }
         };
-        let lit = shadow_ray::<F>(ray, &self.shadow_map);
         match &self.mask {
-            None => {
-                lit.lit_stretches(F::of(enter), F::of(leave), integrate);
-            }
+            None => lit.each(F::of(enter), F::of(leave), integrate),
             Some(mask) => {
                 let mask = shadow_ray::<F>(ray, mask);
-                lit.lit_stretches(F::of(enter), F::of(leave), |a, b| {
+                lit.each(F::of(enter), F::of(leave), |a, b| {
                     mask.lit_stretches_from(NEARBY, a, b, &mut integrate);
                 });
             }

@@ -11,7 +11,7 @@ mod visibility;
 mod volume;
 
 pub use exponential::{SERIES_0, SERIES_2};
-pub use light_map::{LightMapTransport, LightMapTraversal, RowExtent, ViewRay, weight_between};
+pub use light_map::{LightMapTransport, LightMapTraversal, LitRay, RowExtent, ViewRay, weight_between};
 pub use surroundings::{BesideRows, Reflected, Surroundings};
 #[cfg(feature = "gpu")]
 pub(crate) use volume::{CellRay, Line};

@@ -6,7 +6,7 @@ use super::Maps;
 use super::light_map::{rgb, transport};
 use super::surroundings::{Corners, Seen};
 use crate::cpu;
-use crate::march::{LightMapTraversal, ViewRay};
+use crate::march::{LightMapTraversal, LitRay, ViewRay};
 use crate::scene::{Image, Rgb, Scene, ShadowMap};
 use crate::{Error, Result};
 
@@ -30,8 +30,8 @@ pub struct Rendering {
 /// and the ambient light that it scatters, so that pictures can be read.
 ///
 /// Errors: [`Error::Shape`] for a light map of another size, [`Error::NonFinite`] naming the pixel.
-/// Cost    two walks a pixel: one through lit stretches, one through texels that differ from the light's radiance; and one through lit
-///         stretches for every light of the sky that is not dark
+/// Cost    two walks a pixel: one that finds what is lit, one through texels there that differ from the light's radiance; and one more
+///         that finds what is lit for every light of the sky that is not dark
 pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize) -> Result<Rendering> {
     let changed = light_map.map(|texels| Changed::new(scene, maps, texels)).transpose()?;
     let camera = &scene.views[view].camera;
@@ -115,7 +115,8 @@ fn render_pixels(scene: &Scene, maps: &Maps, changed: Option<&Changed>, seen: &[
         .map(|row| {
             let of_ambient = seen[row].of_ambient(scene);
             let sun = seen[row].reflected(scene, -scene.light.direction);
-            let lit = traversal.lit_weight(row);
+            let lit_ray = traversal.lit_ray(row);
+            let lit = lit_ray.weight();
             let of_sky = OfSky::new(scene, maps, &seen[row], [sky, changed.map_or(&[], |it| &it.sky)]);
             let around = of_sky.shown(sky);
             let before = rgb(|c| {
@@ -123,7 +124,7 @@ fn render_pixels(scene: &Scene, maps: &Maps, changed: Option<&Changed>, seen: &[
                 known + sun.map_or(0.0, |(_, share)| share[c] * start[c]) + around[c]
             });
             let Some(changed) = changed else { return [before; 2] };
-            let scattered = gather(scene, &traversal, row, &changed.difference);
+            let scattered = gather(scene, &lit_ray, &changed.difference);
             let incident = sun.map(|(point, share)| {
                 let corners = Corners::around(maps, scene.solve.basis, point);
                 (share, corners.map_or(changed.sun, |corners| corners.value(&changed.difference)))
@@ -163,10 +164,10 @@ impl OfSky {
     }
 }
 
-fn gather(scene: &Scene, traversal: &LightMapTraversal, row: usize, texels: &[Rgb]) -> Rgb {
+fn gather(scene: &Scene, row: &LitRay, texels: &[Rgb]) -> Rgb {
     if scene.medium.is_grey() {
-        cpu::gather::<f32, 1>(traversal, row, texels)
+        cpu::gather::<f32, 1>(row, 0, texels)
     } else {
-        cpu::gather::<f32, 3>(traversal, row, texels)
+        cpu::gather::<f32, 3>(row, 0, texels)
     }
 }
