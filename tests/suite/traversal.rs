@@ -20,6 +20,30 @@ fn row<F: Real>(traversal: &LightMapTraversal, row: usize) -> Vec<f64> {
     dense
 }
 
+#[test]
+fn a_ray_whose_lit_stretches_are_known_is_the_same_row_to_the_bit() {
+    let mut lit = 0;
+    for seed in 0..40 {
+        let basis = if seed % 2 == 0 { Basis::Nearest } else { Basis::Bilinear };
+        let rows = scenes::random(seed, 24, basis, Quadrature::Exact);
+        // Which nodes a pyramid has is nothing that a row depends on.
+        let transport = rows.transport().clone();
+        let shadow_map = Arc::new((*transport.shadow_map).clone().without_pyramid());
+        let texels = rows.through(LightMapTransport { shadow_map, ..transport });
+        for index in 0..rows.rays().len() {
+            let ray = rows.lit_ray(index);
+            assert_eq!(ray.weight(), rows.lit_weight(index));
+            let mut known = vec![0.0; Traversal::<f64, 1>::elements(&ray)];
+            ray.walk(0, &mut |element, weight: [f64; 1]| known[element] = weight[0]);
+            assert_eq!(known, row::<f64>(&rows, index));
+            assert_eq!(known, row::<f64>(&texels, index));
+            assert!(rows.extent(index).shadow_nodes <= texels.extent(index).shadow_nodes);
+            lit += usize::from(known.iter().any(|&weight| weight > 0.0));
+        }
+    }
+    assert!(lit > 100, "only {lit} rows have any light");
+}
+
 /// The integral by `steps` midpoints, from the definition: position, shadow lookup, basis lookup.
 /// Returns the row and the largest error that one discontinuity can make.
 fn brute_force(traversal: &LightMapTraversal, row: usize, steps: usize) -> (Vec<f64>, f64) {
