@@ -41,6 +41,24 @@ fn a_solve_on_the_adapter_says_so_and_gives_what_the_processor_gives() {
 
 #[test]
 #[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn a_benchmark_leaves_out_what_an_adapter_cannot_do() {
+    let desk = Desk::with(&super::volume::scene());
+    let name = adapter().name;
+    let bench = ["bench", "scene.json", "--quick", "--only-cases", "--rows", "40", "--backend", "gpu"];
+    desk.run_in(&[&bench[..], &["--adapter", &name, "-q"]].concat(), &[]).exits_with(0);
+    let bench = desk.json("out/bench/bench.json");
+    let cases: Vec<&str> =
+        bench["records"].as_array().unwrap().iter().map(|record| record["case"].as_str().unwrap()).collect();
+    let has = |case: &str| cases.contains(&case);
+    assert!(has("scene/product/gpu/exact/linear/f32/matrix-free"), "{cases:?}");
+    // There is no kernel for marches through volumes; their rows can be kept.
+    assert!(has("scene/product/gpu/march 128/linear/f32/assembled"));
+    assert!(!has("scene/product/gpu/march 128/linear/f32/matrix-free"));
+    assert_eq!(bench["held"]["hold"], bench["held"]["of"]);
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
 fn deterministic_runs_leave_the_same_bytes() {
     let desk = Desk::with(&scene_with("/solve/strategy", json!("matrix-free")));
     let bytes = |out: &str| {
