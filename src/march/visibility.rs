@@ -127,10 +127,10 @@ impl<F: Real> ShadowRay<'_, F> {
         Instant { t, depth: self.depth + self.depth_slope * t }
     }
 
-    /// When the ray crosses a grid line; never where it runs beside it.
+    /// When the ray crosses a grid line; never where it runs beside it, or so slowly that one over its slope overflows.
     #[inline(always)]
     fn crossing(&self, axis: usize, line: usize) -> F {
-        if self.slope[axis] == F::zero() {
+        if self.inverse[axis].is_infinite() {
             return F::infinity();
         }
         (F::of(line as f64) - self.origin[axis]) * self.inverse[axis]
@@ -139,7 +139,7 @@ impl<F: Real> ShadowRay<'_, F> {
     /// On which side of a grid line the ray is at t: 0 below, 1 above.
     #[inline(always)]
     fn half(&self, axis: usize, line: usize, t: F) -> usize {
-        if self.slope[axis] == F::zero() {
+        if self.inverse[axis].is_infinite() {
             return usize::from(self.origin[axis] >= F::of(line as f64));
         }
         let is_past = t >= self.crossing(axis, line);
