@@ -23,11 +23,23 @@ struct Rows {
 
 var<workgroup> sums: array<vec3<f32>, LANES>;
 
-fn weight_at(k: u32, c: u32) -> f32 {
+// Of the bound channels; 0 for the others of colored weights. Never stored to by a channel's number: some compilers (FXC) cannot in
+// a loop.
+fn weights_at(k: u32) -> vec3<f32> {
     if COLORED {
-        return weights[(params.channel + c) * params.nonzeros + k];
+        if CHANNELS == 3u {
+            return vec3(weights[k], weights[params.nonzeros + k], weights[2u * params.nonzeros + k]);
+        }
+        return vec3(weights[params.channel * params.nonzeros + k], 0.0, 0.0);
     }
-    return weights[k];
+    return vec3(weights[k]);
+}
+
+fn color_of(e: u32) -> vec3<f32> {
+    if CHANNELS == 3u {
+        return vec3(x[e], x[params.x_stride + e], x[2u * params.x_stride + e]);
+    }
+    return vec3(x[e], 0.0, 0.0);
 }
 
 @compute @workgroup_size(LANES)
@@ -45,14 +57,11 @@ fn main(
         while k < end {
             var part = vec3(0.0);
             for (var n = 0u; n < 32u && k < end; n++) {
-                let e = elements[k];
-                for (var c = 0u; c < CHANNELS; c++) {
-                    var w = weight_at(k, c);
-                    if SQUARED {
-                        w = w * w;
-                    }
-                    part[c] += w * x[c * params.x_stride + e];
+                var w = weights_at(k);
+                if SQUARED {
+                    w = w * w;
                 }
+                part += w * color_of(elements[k]);
                 k += SHARERS;
             }
             total += part;

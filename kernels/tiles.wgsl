@@ -27,35 +27,49 @@ struct Tiles {
 var<workgroup> exchange: array<vec3<f32>, TILE>;
 var<workgroup> change: array<vec3<f32>, 2>;
 
+// Below, 0 stands for channels that are not bound. Vectors are never stored to by a channel's number: some compilers (FXC) cannot in a
+// loop.
 fn colors(i: u32) -> vec3<f32> {
-    var value = vec3(0.0);
-    for (var c = 0u; c < CHANNELS; c++) {
-        value[c] = v[c * params.stride + i];
+    if CHANNELS == 3u {
+        return vec3(v[i], v[params.stride + i], v[2u * params.stride + i]);
     }
-    return value;
+    return vec3(v[i], 0.0, 0.0);
+}
+
+fn aims(i: u32) -> vec3<f32> {
+    if CHANNELS == 3u {
+        return vec3(y[i], y[params.stride + i], y[2u * params.stride + i]);
+    }
+    return vec3(y[i], 0.0, 0.0);
+}
+
+fn bound_of(all: vec4<f32>) -> vec3<f32> {
+    if CHANNELS == 3u {
+        return all.xyz;
+    }
+    return vec3(all[params.channel], 0.0, 0.0);
 }
 
 // Entry (row, column) of a tile; matrices are symmetric, so lanes read along a row side by side.
 fn entry(tile: vec4<u32>, k: u32, lane: u32) -> vec3<f32> {
     let i = tile.x + k * tile.z + lane;
     if COLORED {
-        var w = vec3(0.0);
-        for (var c = 0u; c < CHANNELS; c++) {
-            w[c] = matrices[3u * i + params.channel + c];
+        if CHANNELS == 3u {
+            return vec3(matrices[3u * i], matrices[3u * i + 1u], matrices[3u * i + 2u]);
         }
-        return w;
+        return vec3(matrices[3u * i + params.channel], 0.0, 0.0);
     }
     return vec3(matrices[i]);
 }
 
 // l of element i
-fn lower(i: u32, c: u32) -> f32 {
-    return select(params.lower[params.channel + c], params.then_lower[params.channel + c], i >= params.then);
+fn lower(i: u32) -> vec3<f32> {
+    return bound_of(select(params.lower, params.then_lower, i >= params.then));
 }
 
 // u of element i
-fn upper(i: u32, c: u32) -> f32 {
-    return select(params.upper[params.channel + c], params.then_upper[params.channel + c], i >= params.then);
+fn upper(i: u32) -> vec3<f32> {
+    return bound_of(select(params.upper, params.then_upper, i >= params.then));
 }
 
 fn reciprocal(w: vec3<f32>) -> vec3<f32> {
@@ -102,12 +116,10 @@ fn main(
             // For −v the least is at M⁻¹ v.
             g = -g;
         } else {
-            for (var c = 0u; c < CHANNELS; c++) {
-                g[c] *= params.shorter[params.channel + c];
-                at[c] = y[c * params.stride + i];
-                least[c] = lower(i, c) - at[c];
-                most[c] = upper(i, c) - at[c];
-            }
+            g *= bound_of(params.shorter);
+            at = aims(i);
+            least = lower(i) - at;
+            most = upper(i) - at;
             var sum = vec3(0.0);
             if is_member {
                 for (var k = 0u; k < side; k++) {
@@ -144,10 +156,8 @@ fn main(
         }
         g = d;
         if OPERATION == 2 {
-            for (var c = 0u; c < CHANNELS; c++) {
-                // A bound is met to the last digit.
-                g[c] = clamp(at[c] + d[c], lower(i, c), upper(i, c));
-            }
+            // A bound is met to the last digit.
+            g = clamp(at + d, lower(i), upper(i));
         }
     }
     if is_member {

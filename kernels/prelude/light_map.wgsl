@@ -109,11 +109,12 @@ fn catch_up(ray: Ray, axis: u32, t: u32) {
         let product = many_steps_low(ray.step_low[axis], n);
         let low = next_low[axis] + product.x;
         let carry = select(0u, 1u, low < product.x);
-        next_low[axis] = low;
-        next_high[axis] += ray.step_high[axis] * n + product.y + carry;
-        cell[axis] += select(-i32(n), i32(n), ray.slope[axis] > 0.0);
+        let mine = vec2(axis == 0u, axis == 1u);
+        next_low = select(next_low, vec2(low), mine);
+        next_high += select(vec2(0u), vec2(ray.step_high[axis] * n + product.y + carry), mine);
+        cell += select(vec2(0), vec2(select(-i32(n), i32(n), ray.slope[axis] > 0.0)), mine);
         while next_high[axis] <= t {
-            cross(ray, vec2(axis == 0u, axis == 1u));
+            cross(ray, mine);
         }
     }
 }

@@ -2,7 +2,6 @@
 // the map are summed up inside the workgroup first, and reach the map once a workgroup instead of once a ray. Those sums are
 // in fixed point, so that no loop waits for other lanes.
 
-var<private> carrying: vec3<f32>;
 var<workgroup> corner: vec2<i32>;
 // The bits of the largest |strength y| of the workgroup's rays.
 var<workgroup> brightest: atomic<u32>;
@@ -67,9 +66,7 @@ fn main(
     }
     carrying = vec3(0.0);
     if is_ray {
-        for (var c = 0u; c < CHANNELS; c++) {
-            carrying[c] = y[c * parameters.y_stride + parameters.y_first + id.x];
-        }
+        carrying = bound_of_y(id.x);
         if NEAR > 0 {
             let strength = rays[id.x].strength.xyz;
             let most = max(max(strength.x, strength.y), strength.z);

@@ -1,4 +1,4 @@
-// One workgroup reduces PIECE elements of a channel pairwise: sixteen a lane, then the lanes. The host adds the pieces in f64.
+// One workgroup of the first two axes reduces PIECE elements of a channel pairwise: sixteen a lane, then the lanes. The host adds the pieces in f64.
 // Error  (13 roundings) 2⁻²⁴ Σ|terms| at most: log₂ PIECE additions and one product
 
 @group(0) @binding(0) var<uniform> params: VectorParams;
@@ -19,13 +19,18 @@ fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    let first = group.x * PIECE + lane.x;
+    let piece = group.y * groups.x + group.x;
+    let pieces = (params.len + PIECE - 1u) / PIECE;
+    if piece >= pieces {
+        return;
+    }
+    let first = piece * PIECE + lane.x;
     var fours: array<f32, 4>;
     for (var q = 0u; q < 4u; q++) {
         let k = first + 4u * q * LANES;
         fours[q] = together(
-            together(term_or_none(k, group.y), term_or_none(k + LANES, group.y)),
-            together(term_or_none(k + 2u * LANES, group.y), term_or_none(k + 3u * LANES, group.y)),
+            together(term_or_none(k, group.z), term_or_none(k + LANES, group.z)),
+            together(term_or_none(k + 2u * LANES, group.z), term_or_none(k + 3u * LANES, group.z)),
         );
     }
     lanes[lane.x] = together(together(fours[0], fours[1]), together(fours[2], fours[3]));
@@ -36,6 +41,6 @@ fn main(
         }
     }
     if lane.x == 0u {
-        results[params.results + group.y * groups.x + group.x] = lanes[0];
+        results[params.results + group.z * pieces + piece] = lanes[0];
     }
 }

@@ -1,7 +1,6 @@
 // Depositing along a ray, each voxel for itself: unlike the texels around an eye no voxel is met by all rays of a view, unless the
 // eye is in it.
 
-var<private> carrying: vec3<f32>;
 
 // Nothing is summed up inside a workgroup.
 fn group_scale() -> f32 {
@@ -26,9 +25,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= parameters.rows {
         return;
     }
-    carrying = vec3(0.0);
-    for (var c = 0u; c < CHANNELS; c++) {
-        carrying[c] = y[c * parameters.y_stride + parameters.y_first + id.x];
-    }
+    carrying = bound_of_y(id.x);
     walk(id.x);
 }

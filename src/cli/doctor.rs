@@ -23,6 +23,8 @@ struct Adapter {
     interface: String,
     driver: String,
     kind: &'static str,
+    /// Where it sits: what `--adapter` tells twins apart by.
+    bus: String,
     float_atomics: bool,
     timestamps: bool,
     binding_limit: u64,
@@ -67,10 +69,11 @@ fn words(machine: &Machine) -> String {
     for adapter in &machine.adapters {
         let yes = |yes| if yes { "yes" } else { "no" };
         words.push_str(&format!(
-            "\nadapter     {} ({}, {})\n  driver    {}\n  atomics   f32 {}; timestamps {}\n  limits    {} a binding, {} a buffer\n  answers   {}",
+            "\nadapter     {} ({}, {}{})\n  driver    {}\n  atomics   f32 {}; timestamps {}\n  limits    {} a binding, {} a buffer\n  answers   {}",
             adapter.name,
             adapter.kind,
             adapter.interface,
+            if adapter.bus.is_empty() { String::new() } else { format!(", {}", adapter.bus) },
             adapter.driver,
             yes(adapter.float_atomics),
             yes(adapter.timestamps),
@@ -105,6 +108,7 @@ fn adapters() -> Vec<Adapter> {
             interface: record.interface,
             driver: record.driver,
             kind: record.kind,
+            bus: record.bus,
             float_atomics: record.float_atomics,
             timestamps: record.timestamps,
             binding_limit: record.binding_limit,

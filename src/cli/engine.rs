@@ -42,9 +42,9 @@ impl Engine {
         };
         match arguments.backend {
             Backend::Cpu => cpu(arguments),
-            Backend::Gpu => Ok(Self::Gpu { gpu: Gpu::open(&choice)?, or_cpu: false }),
+            Backend::Gpu => Ok(Self::Gpu { gpu: open(&choice)?, or_cpu: false }),
             Backend::Auto if arguments.adapter.is_none() && !may_have_hardware() => Ok(Self::Cpu),
-            Backend::Auto => match Gpu::open(&choice) {
+            Backend::Auto => match open(&choice) {
                 Ok(gpu) => Ok(Self::Gpu { gpu, or_cpu: true }),
                 Err(error) => {
                     // To have no adapter is usual; to ask for one that is not there is not.
@@ -103,6 +103,14 @@ impl Engine {
         let _only_after_a_failure = (checkpoint, resume);
         work(On::Cpu, resumed)
     }
+}
+
+/// An adapter that Ctrl-C is heard at, should it hang.
+#[cfg(feature = "gpu")]
+fn open(choice: &Choice) -> Result<Gpu> {
+    let gpu = Gpu::open(choice)?;
+    gpu.give_up_when(super::progress::interrupted);
+    Ok(gpu)
 }
 
 /// The processor, for those who ask for it and for no adapter.

@@ -67,6 +67,8 @@ impl Manners {
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     watch_verbosity(&arguments);
+    #[cfg(feature = "gpu")]
+    quieten_caught_panics();
     if let Some(threads) = arguments.threads {
         // Fails only where a pool exists already, and here none does.
         let _existing = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
@@ -84,6 +86,17 @@ pub fn main() -> ExitCode {
             })
         }
     }
+}
+
+/// A panic that is caught and told as an error is not told as a panic, too.
+#[cfg(feature = "gpu")]
+fn quieten_caught_panics() {
+    let tell = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !crate::gpu::is_caught(panic) {
+            tell(panic);
+        }
+    }));
 }
 
 fn run(command: &Command, manners: &Manners) -> Result<Done> {

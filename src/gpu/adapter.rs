@@ -2,8 +2,11 @@
 
 use crate::{Error, Result};
 
-/// Storage buffers that one kernel binds at most.
-const STORAGE_BUFFERS: u32 = 7;
+/// Storage buffers that one kernel binds at most; a test counts them.
+pub(super) const STORAGE_BUFFERS: u32 = 8;
+/// Percent of the memory budget that the driver reports, beyond which nothing more is allocated: what asks for it is told so, where
+/// the driver itself may go on until the device is lost.
+const MEMORY_PERCENT: u8 = 95;
 
 /// What an adapter is and can do.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,6 +27,12 @@ pub struct AdapterRecord {
     pub binding_limit: u64,
     /// Bytes of the largest buffer.
     pub buffer_limit: u64,
+    /// Workgroups along one axis of a dispatch.
+    pub workgroup_limit: u32,
+    /// Where it sits, such as `0000:01:00.0`; empty where it does not say. Twins differ in nothing else.
+    pub bus: String,
+    /// Which one it is of those that the system lists.
+    pub number: usize,
     /// What it lacks of what is needed; empty when it serves.
     pub missing: Vec<String>,
 }
@@ -34,7 +43,20 @@ impl AdapterRecord {
         self.kind != "software"
     }
 
-    fn of(adapter: &wgpu::Adapter) -> Self {
+    /// How well it suits, from 0: a card of its own before one that shares the memory of the processor, software last. One that speaks
+    /// Vulkan or Metal comes before the same one as DX12 shows it.
+    fn rank(&self) -> (usize, bool) {
+        let kinds = ["discrete", "integrated", "virtual", "other"];
+        let kind = kinds.iter().position(|kind| *kind == self.kind);
+        (kind.unwrap_or(kinds.len()), self.interface == "Dx12")
+    }
+
+    /// Whether a name means it: a part of its own, in any case, or where it sits.
+    fn is_called(&self, name: &str) -> bool {
+        self.name.to_lowercase().contains(&name.to_lowercase()) || self.bus.eq_ignore_ascii_case(name)
+    }
+
+    fn of(number: usize, adapter: &wgpu::Adapter) -> Self {
         let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
         let mut missing = Vec::new();
         let capabilities = adapter.get_downlevel_capabilities();
@@ -63,6 +85,9 @@ impl AdapterRecord {
             timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
             binding_limit: limits.max_storage_buffer_binding_size,
             buffer_limit: limits.max_buffer_size,
+            workgroup_limit: limits.max_compute_workgroups_per_dimension,
+            bus: info.device_pci_bus_id,
+            number,
             missing,
         }
     }
@@ -71,12 +96,16 @@ impl AdapterRecord {
 /// Which adapter to take, and how to use it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Choice {
-    /// A part of its name, in any case; the first that serves without.
+    /// A part of its name, in any case, or its bus; the best one that serves without.
     pub name: Option<String>,
+    /// Its [`AdapterRecord::number`]: exactly that one.
+    pub number: Option<usize>,
     /// Whether a software adapter may be taken that was not asked for by name. Hardware comes first.
     pub software: bool,
     /// Bytes that a kernel may see of one buffer, where that should be less than the adapter allows.
     pub binding_limit: Option<u64>,
+    /// Workgroups along one axis of a dispatch, where that should be fewer than the adapter allows.
+    pub workgroup_limit: Option<u32>,
     /// Whether f32 sums are made by compare-and-swap even where the adapter has atomics for them.
     pub without_float_atomics: bool,
     /// Whether deposits where all rays of a view meet are summed up inside a workgroup first. By default on hardware, where
@@ -95,18 +124,24 @@ pub enum Fault {
     Arithmetic,
     /// There is room for buffers of 64 KiB and no more.
     Memory,
-    /// The device is gone after so many round trips.
+    /// The device is given up after so many round trips.
     Loss(u64),
+    /// The driver says so while it is waited for, from so many round trips on; wgpu panics then.
+    Crash(u64),
+    /// The device does not end what it was given, from so many round trips on.
+    Hang(u64),
 }
 
 impl Fault {
-    /// `compilation`, `arithmetic`, `memory`, or `loss:N`.
+    /// `compilation`, `arithmetic`, `memory`, `loss:N`, `crash:N`, or `hang:N`.
     pub fn parse(text: &str) -> Option<Self> {
         match text.split_once(':') {
             None if text == "compilation" => Some(Self::Compilation),
             None if text == "arithmetic" => Some(Self::Arithmetic),
             None if text == "memory" => Some(Self::Memory),
             Some(("loss", count)) => count.parse().ok().map(Self::Loss),
+            Some(("crash", count)) => count.parse().ok().map(Self::Crash),
+            Some(("hang", count)) => count.parse().ok().map(Self::Hang),
             _ => None,
         }
     }
@@ -126,16 +161,15 @@ pub fn adapters() -> Vec<AdapterRecord> {
 
 fn found() -> Vec<(wgpu::Adapter, AdapterRecord)> {
     let mut instance = wgpu::InstanceDescriptor::new_without_display_handle();
+    instance.memory_budget_thresholds.for_resource_creation = Some(MEMORY_PERCENT);
     instance.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
     let instance = wgpu::Instance::new(instance);
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-    adapters
-        .into_iter()
-        .map(|adapter| {
-            let record = AdapterRecord::of(&adapter);
-            (adapter, record)
-        })
-        .collect()
+    let numbered = adapters.into_iter().enumerate().map(|(number, adapter)| {
+        let record = AdapterRecord::of(number, &adapter);
+        (adapter, record)
+    });
+    numbered.collect()
 }
 
 /// The adapter of a choice.
@@ -143,13 +177,14 @@ fn found() -> Vec<(wgpu::Adapter, AdapterRecord)> {
 /// Errors: [`Error::Adapter`] when there is none, saying which there are.
 pub(super) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterRecord)> {
     let mut found = found();
-    // A stable sort: hardware first, in the order in which the system lists it.
-    found.sort_by_key(|(_, record)| !record.is_hardware());
+    // A stable sort: twins stay in the order in which the system lists them.
+    found.sort_by_key(|(_, record)| record.rank());
     let names: Vec<String> = found.iter().map(|(_, record)| format!("`{}`", record.name)).collect();
     let list = if names.is_empty() { "no adapter at all".to_owned() } else { names.join(", ") };
-    let is_meant = |record: &AdapterRecord| match &choice.name {
-        Some(name) => record.name.to_lowercase().contains(&name.to_lowercase()),
-        None => choice.software || record.is_hardware(),
+    let is_meant = |record: &AdapterRecord| match (&choice.name, choice.number) {
+        (_, Some(number)) => record.number == number,
+        (Some(name), None) => record.is_called(name),
+        (None, None) => choice.software || record.is_hardware(),
     };
     let meant: Vec<_> = found.into_iter().filter(|(_, record)| is_meant(record)).collect();
     let Some(first) = meant.first().map(|(_, record)| record.clone()) else {

@@ -1,6 +1,7 @@
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::rc::Rc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytemuck::Pod;
@@ -8,13 +9,17 @@ use bytemuck::Pod;
 use super::adapter::{AdapterRecord, Choice, Fault, choose};
 use super::compile::bind_group;
 use super::fixed_point::Accumulation;
-use super::kernel::Kernel;
+use super::kernel::{Kernel, RAYS};
 use super::recorder::{Binding, Pipeline, Recorder, SLOT, SLOTS};
 use super::sums::Waiting;
 use crate::{Error, Result};
 
 /// What to do about an adapter that has failed.
 const WITHOUT: &str = "use --backend cpu; --resume continues from the last checkpoint";
+
+/// The same, where its memory was too small.
+const SMALLER: &str =
+    "lower the maps' or views' sizes, or use --backend cpu; --resume continues from the last checkpoint";
 
 /// A graphics adapter at work, for one thread. Clones are the same one.
 ///
@@ -23,12 +28,16 @@ const WITHOUT: &str = "use --backend cpu; --resume continues from the last check
 #[derive(Debug, Clone)]
 pub struct Gpu(pub(super) Rc<Inner>);
 
-#[derive(Debug)]
+/// Whether somebody wants to stop.
+pub(super) type GivesUp = Box<dyn Fn() -> bool>;
+
 pub(super) struct Inner {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pub(super) record: AdapterRecord,
     pub(super) binding_limit: u64,
+    /// Workgroups along one axis of a dispatch.
+    pub(super) workgroup_limit: u32,
     pub(super) float_atomics: bool,
     pub(super) sums_near: bool,
     pub(super) fault: Option<Fault>,
@@ -40,6 +49,15 @@ pub(super) struct Inner {
     pub(super) held: Cell<u64>,
     pub(super) round_trips: Cell<u64>,
     pub(super) dispatches: Cell<u64>,
+    /// Submissions that the device has ended.
+    pub(super) ended: Arc<AtomicU64>,
+    pub(super) gives_up: RefCell<Option<GivesUp>>,
+}
+
+impl std::fmt::Debug for Inner {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Gpu").field("record", &self.record).finish_non_exhaustive()
+    }
 }
 
 /// A lock that a panic elsewhere does not close.
@@ -72,11 +90,14 @@ impl Gpu {
         let failure = Arc::new(Mutex::new(None));
         let (name, first) = (record.name.clone(), failure.clone());
         device.set_device_lost_callback(move |_, message| {
-            let problem = match &one_line(&message)[..] {
-                "" => "was lost in the middle of the work".to_owned(),
-                said => format!("was lost in the middle of the work ({said})"),
+            let (problem, remedy) = match &one_line(&message)[..] {
+                "" => ("was lost in the middle of the work".to_owned(), WITHOUT),
+                said if said.to_lowercase().contains("memory") => {
+                    (format!("was lost because it ran out of memory ({said})"), SMALLER)
+                }
+                said => (format!("was lost in the middle of the work ({said})"), WITHOUT),
             };
-            note(&first, Error::Adapter { adapter: name.clone(), problem, remedy: WITHOUT });
+            note(&first, Error::Adapter { adapter: name.clone(), problem, remedy });
         });
         let (name, first) = (record.name.clone(), failure.clone());
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
@@ -93,6 +114,7 @@ impl Gpu {
         let limit = record.binding_limit;
         let gpu = Self(Rc::new(Inner {
             binding_limit: choice.binding_limit.map_or(limit, |lower| lower.min(limit)),
+            workgroup_limit: choice.workgroup_limit.unwrap_or(u32::MAX).min(record.workgroup_limit),
             float_atomics: record.float_atomics && !choice.without_float_atomics,
             sums_near: choice.sums_near.unwrap_or(record.is_hardware()),
             fault: choice.fault,
@@ -107,6 +129,8 @@ impl Gpu {
             held: Cell::new(0),
             round_trips: Cell::new(0),
             dispatches: Cell::new(0),
+            ended: Arc::default(),
+            gives_up: RefCell::default(),
         }));
         gpu.check()?;
         Ok(gpu)
@@ -144,13 +168,16 @@ impl Gpu {
 
     /// Waits until all that was recorded is done.
     pub fn finish(&self) -> Result<()> {
-        self.submit(&mut self.0.recorder.borrow_mut(), None, |_| {});
+        self.hand_over();
         self.wait()
     }
 
-    /// Seconds that the device itself takes for what `work` records; none where it cannot tell.
-    ///
-    /// `work` must fit one submission: no more than a thousand dispatches, and nothing read.
+    /// Hands over what is recorded, without waiting for it.
+    pub(super) fn hand_over(&self) {
+        self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |_| {});
+    }
+
+    /// Seconds on the device's own clock from before to after what `work` records; none where it has no clock.
     pub fn seconds(&self, work: impl FnOnce() -> Result<()>) -> Result<Option<f64>> {
         self.finish()?;
         if !self.0.record.timestamps {
@@ -173,8 +200,10 @@ impl Gpu {
         };
         let resolved = buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC);
         let staging = buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
+        // Two marks, each in a pass of its own: what lies between may be nothing, or many submissions.
+        self.submit(&mut self.0.recorder.borrow_mut(), Mark::Begin(&queries), |_| {});
         work()?;
-        self.submit(&mut self.0.recorder.borrow_mut(), Some(&queries), |encoder| {
+        self.submit(&mut self.0.recorder.borrow_mut(), Mark::End(&queries), |encoder| {
             encoder.resolve_query_set(&queries, 0..2, &resolved, 0);
             encoder.copy_buffer_to_buffer(&resolved, 0, &staging, 0, 16);
         });
@@ -193,6 +222,13 @@ impl Gpu {
         self.0.sums_near
     }
 
+    /// Rays that one dispatch walks at most, of so many bytes each; slabs of y begin where bindings may.
+    pub(super) fn rays_at_once(&self, bytes: usize) -> usize {
+        let seen = self.0.binding_limit as usize / bytes;
+        let walked = self.0.workgroup_limit.saturating_mul(RAYS) as usize;
+        (seen.min(walked) / 64 * 64).max(64)
+    }
+
     /// How sums are made where many rays meet.
     pub(super) fn accumulation(&self, deterministic: bool) -> Accumulation {
         match (deterministic, self.0.float_atomics) {
@@ -208,7 +244,7 @@ impl Gpu {
         kernel: Kernel,
         parameters: &impl Pod,
         bindings: &[&[Binding]],
-        workgroups: [u32; 2],
+        workgroups: [u32; 3],
     ) {
         if self.check().is_err() || workgroups.contains(&0) {
             return;
@@ -216,7 +252,7 @@ impl Gpu {
         let Some(pipeline) = self.pipeline(kernel) else { return };
         let mut recorder = self.0.recorder.borrow_mut();
         if recorder.is_full() {
-            self.submit(&mut recorder, None, |_| {});
+            self.submit(&mut recorder, Mark::None, |_| {});
         }
         let mut groups = Vec::with_capacity(bindings.len());
         for (index, bound) in (0u32..).zip(bindings) {
@@ -237,16 +273,6 @@ impl Gpu {
         &self.0.device
     }
 
-    pub(super) fn wait(&self) -> Result<()> {
-        self.0.round_trips.set(self.0.round_trips.get() + 1);
-        if self.0.fault == Some(Fault::Loss(self.0.round_trips.get())) {
-            self.destroy();
-        }
-        let waited = self.0.device.poll(wgpu::PollType::wait_indefinitely());
-        self.check()?;
-        waited.map(drop).map_err(|_| self.failed("does not answer"))
-    }
-
     pub(super) fn failed(&self, problem: &str) -> Error {
         self.check().err().unwrap_or_else(|| Error::Adapter {
             adapter: self.0.record.name.clone(),
@@ -259,7 +285,7 @@ impl Gpu {
     pub(super) fn submit(
         &self,
         recorder: &mut Recorder,
-        timed: Option<&wgpu::QuerySet>,
+        mark: Mark,
         more: impl FnOnce(&mut wgpu::CommandEncoder),
     ) {
         if self.check().is_err() {
@@ -268,17 +294,49 @@ impl Gpu {
         let mut encoder = self.0.device.create_command_encoder(&Default::default());
         if !recorder.is_empty() {
             self.0.queue.write_buffer(&self.0.parameters, 0, recorder.parameters());
-            let times = timed.map(|query_set| wgpu::ComputePassTimestampWrites {
-                query_set,
-                beginning_of_pass_write_index: Some(0),
-                end_of_pass_write_index: Some(1),
-            });
-            let mut pass = encoder
-                .begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes: times });
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             recorder.encode(&mut pass);
+        }
+        if let Some(times) = mark.writes() {
+            let descriptor =
+                wgpu::ComputePassDescriptor { label: Some("time"), timestamp_writes: Some(times) };
+            drop(encoder.begin_compute_pass(&descriptor));
         }
         more(&mut encoder);
         self.0.queue.submit([encoder.finish()]);
+        let ended = self.0.ended.clone();
+        self.0.queue.on_submitted_work_done(move || {
+            ended.fetch_add(1, Ordering::Relaxed);
+        });
+    }
+
+    /// Workgroups along two axes, for so many items.
+    pub(super) fn grid(&self, items: usize, each: u32) -> [u32; 3] {
+        let groups = (items as u32).div_ceil(each);
+        let across = groups.min(self.0.workgroup_limit);
+        [across, groups.div_ceil(across.max(1)), 1]
+    }
+}
+
+/// What a submission writes of the device's clock, after everything else.
+pub(super) enum Mark<'a> {
+    None,
+    Begin(&'a wgpu::QuerySet),
+    End(&'a wgpu::QuerySet),
+}
+
+impl<'a> Mark<'a> {
+    fn writes(&self) -> Option<wgpu::ComputePassTimestampWrites<'a>> {
+        let (query_set, index) = match self {
+            Self::None => return None,
+            Self::Begin(set) => (*set, 0),
+            Self::End(set) => (*set, 1),
+        };
+        Some(wgpu::ComputePassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: None,
+            end_of_pass_write_index: Some(index),
+        })
     }
 }
 

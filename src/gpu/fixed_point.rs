@@ -55,6 +55,6 @@ impl FixedSums {
         // Rounded up.
         let scale = Scale { begin, pieces, row_sums: [(row_sums * (1.0 + 1e-6)) as f32; 4] };
         let bindings = [self.scales.whole(), self.largest.whole()];
-        gpu.dispatch(Kernel::FixedScale, &scale, &[&bindings], [1, 1]);
+        gpu.dispatch(Kernel::FixedScale, &scale, &[&bindings], [1; 3]);
     }
 }

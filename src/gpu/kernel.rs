@@ -76,7 +76,7 @@ impl Consumer {
             Accumulation::Swap => text!("prelude/accumulate_swap"),
             Accumulation::Fixed => text!("prelude/accumulate_fixed"),
         };
-        vec![text!("prelude/fixed_point"), scatter, accumulate]
+        vec![text!("prelude/carried"), text!("prelude/fixed_point"), scatter, accumulate]
     }
 }
 
@@ -444,6 +444,98 @@ mod tests {
             }
             assert_eq!(found, kernel.bindings().concat().len(), "{kernel:?}");
         }
+    }
+
+    /// Functions that store to a component of a vector by a number which is not constant.
+    fn dynamic_stores(module: &naga::Module) -> Vec<String> {
+        use naga::{Expression, Statement, TypeInner};
+        fn stored(block: &naga::Block, pointers: &mut Vec<naga::Handle<Expression>>) {
+            for statement in block {
+                match statement {
+                    Statement::Store { pointer, .. } => pointers.push(*pointer),
+                    Statement::Block(inner) => stored(inner, pointers),
+                    Statement::If { accept, reject, .. } => {
+                        [accept, reject].into_iter().for_each(|b| stored(b, pointers))
+                    }
+                    Statement::Switch { cases, .. } => {
+                        cases.iter().for_each(|case| stored(&case.body, pointers))
+                    }
+                    Statement::Loop { body, continuing, .. } => {
+                        [body, continuing].into_iter().for_each(|b| stored(b, pointers))
+                    }
+                    _ => {}
+                }
+            }
+        }
+        /// What a pointer points to.
+        fn pointee<'a>(
+            module: &'a naga::Module,
+            function: &'a naga::Function,
+            of: naga::Handle<Expression>,
+        ) -> Option<&'a TypeInner> {
+            let inner = |ty: naga::Handle<naga::Type>| Some(&module.types[ty].inner);
+            match &function.expressions[of] {
+                Expression::LocalVariable(variable) => inner(function.local_variables[*variable].ty),
+                Expression::GlobalVariable(variable) => inner(module.global_variables[*variable].ty),
+                Expression::FunctionArgument(index) => match inner(function.arguments[*index as usize].ty)? {
+                    TypeInner::Pointer { base, .. } => inner(*base),
+                    _ => None,
+                },
+                Expression::AccessIndex { base, index } => match pointee(module, function, *base)? {
+                    TypeInner::Struct { members, .. } => inner(members[*index as usize].ty),
+                    TypeInner::Array { base, .. } => inner(*base),
+                    _ => None,
+                },
+                Expression::Access { base, .. } => match pointee(module, function, *base)? {
+                    TypeInner::Array { base, .. } => inner(*base),
+                    _ => None,
+                },
+                _ => None,
+            }
+        }
+        let entries = module.entry_points.iter().map(|entry| &entry.function);
+        let mut found = Vec::new();
+        for function in module.functions.iter().map(|(_, function)| function).chain(entries) {
+            let mut pointers = Vec::new();
+            stored(&function.body, &mut pointers);
+            let is_dynamic = |pointer: &naga::Handle<Expression>| match function.expressions[*pointer] {
+                Expression::Access { base, .. } => {
+                    matches!(pointee(module, function, base), Some(TypeInner::Vector { .. }))
+                }
+                _ => false,
+            };
+            if pointers.iter().any(is_dynamic) {
+                found.push(function.name.clone().unwrap_or_else(|| "main".to_owned()));
+            }
+        }
+        found
+    }
+
+    /// FXC, which DX12 has where DXC is not installed, refuses them in loops that it cannot unroll.
+    #[test]
+    fn no_kernel_stores_to_a_component_by_a_number_that_is_not_constant() {
+        let mut found: Vec<(&str, String)> = Vec::new();
+        for kernel in Kernel::all() {
+            let of = dynamic_stores(&module(kernel).unwrap());
+            found.extend(of.into_iter().map(|function| (kernel.name(), function)));
+        }
+        found.sort();
+        found.dedup();
+        assert!(found.is_empty(), "{found:?}");
+        let by_number = |store: &str| {
+            let text = format!(
+                "@compute @workgroup_size(1) fn main(@builtin(local_invocation_index) i: u32) {{ var v = vec3(0.0); {store} = 1.0; }}"
+            );
+            dynamic_stores(&valid("twin", &text).unwrap()).len()
+        };
+        assert_eq!(["v[i]", "v[1]", "v.y"].map(by_number), [1, 0, 0]);
+    }
+
+    #[test]
+    fn no_kernel_binds_more_storage_buffers_than_an_adapter_is_asked_for() {
+        let storage = |access: &&Access| matches!(access, Access::Read | Access::Write);
+        let bound = |kernel: Kernel| kernel.bindings().concat().iter().filter(storage).count() as u32;
+        assert_eq!(Kernel::all().into_iter().map(bound).max(), Some(super::super::adapter::STORAGE_BUFFERS));
     }
 
     /// The members of a struct in WGSL: name, offset; and its size.

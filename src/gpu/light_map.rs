@@ -5,10 +5,11 @@ use super::fixed_point::Accumulation;
 use super::kernel::{Kernel, RAYS};
 use super::layout::{LEVELS, Ray, Transport};
 use super::memory::Allocation;
-use super::pass::{Walking, walkings};
+use super::pace::Paces;
+use super::pass::walkings;
 use super::ray::{Depths, ray};
 use super::recorder::Binding;
-use super::vector::{GpuVector, MOST_WORKGROUPS, Slab};
+use super::vector::{GpuVector, Slab};
 use super::walk::{Consumer, Walk};
 use super::walked::{Rays, Walked};
 use crate::march::{LightMapTraversal, Traversal};
@@ -28,6 +29,7 @@ struct LightMapRays {
     rays: Vec<(usize, Allocation)>,
     /// Σ_k Σ_i w_ki at most, and the same of the squared row sums.
     row_sums: [f64; 2],
+    paces: Paces,
 }
 
 impl Walked {
@@ -62,10 +64,7 @@ impl Walked {
                 remedy: "lower shadow_map.size, or use --backend cpu",
             });
         }
-        let at_once =
-            (gpu.binding_limit() as usize / size_of::<Ray>()).min((MOST_WORKGROUPS * RAYS) as usize);
-        // Slabs of y begin where bindings may.
-        let at_once = (at_once / 64 * 64).max(64);
+        let at_once = gpu.rays_at_once(size_of::<Ray>());
         let slab = |(index, rays): (usize, &[Ray])| Ok((index * at_once, gpu.upload("the rays", rays)?));
         let rays = LightMapRays {
             walk,
@@ -75,6 +74,7 @@ impl Walked {
             ranges: gpu.upload("the shadow map", &ranges)?,
             transport: gpu.upload("the transport", &[uniform(traversal, levels)])?,
             row_sums: [sum(1), sum(2)],
+            paces: Paces::default(),
             rays: rays.chunks(at_once).enumerate().map(slab).collect::<Result<_>>()?,
         };
         Self::new(gpu, rays, accumulation)
@@ -103,12 +103,16 @@ impl Rays for LightMapRays {
         for channels in GpuVector::channels(&vectors) {
             let near = consumer != Consumer::Gather && gpu.sums_near();
             let kernel = Kernel::LightMap(consumer, Walk { channels: channels[1], near, ..self.walk });
-            for Walking { slab, rows, of_y, of_x, pass } in walkings(&slabs, vectors, channels) {
-                let [offset, size] = [rows.start, rows.len()].map(|rows| (rows * size_of::<Ray>()) as u64);
-                let walked = self.rays[slab].1.part(offset, size);
-                let first_group = bindings(of_y, of_x);
-                let groups: [&[Binding]; 3] = [&first_group, &shared, std::slice::from_ref(&walked)];
-                gpu.dispatch(kernel, &pass, &groups, [pass.rows.div_ceil(RAYS), 1]);
+            for walking in walkings(&slabs, vectors, channels) {
+                let first_group = bindings(walking.of_y, walking.of_x);
+                self.paces.of(consumer)(gpu, walking.rows.len(), &mut |rows| {
+                    let (rows, pass) = walking.narrowed(&rows);
+                    let [offset, size] =
+                        [rows.start, rows.len()].map(|rows| (rows * size_of::<Ray>()) as u64);
+                    let walked = self.rays[walking.slab].1.part(offset, size);
+                    let groups: [&[Binding]; 3] = [&first_group, &shared, std::slice::from_ref(&walked)];
+                    gpu.dispatch(kernel, &pass, &groups, [pass.rows.div_ceil(RAYS), 1, 1]);
+                });
             }
         }
     }

@@ -6,18 +6,30 @@ use std::sync::{Arc, Mutex};
 use bytemuck::Pod;
 
 use super::Gpu;
-use super::device::{Inner, lock, note};
+use super::device::{Inner, Mark, lock, note};
 use super::recorder::Binding;
 use crate::{Error, Result};
 
 /// Bytes that are read back at once.
 const READ_AT_ONCE: u64 = 64 << 20;
+/// Bytes that are sent at once, through memory of that size which the host sees; a multiple of 4.
+const SENT_AT_ONCE: usize = 16 << 20;
+/// How often that is done before waiting for it, so that no more than 128 MiB are under way.
+const SENDS_UNDER_WAY: usize = 8;
+/// Bytes up to which wgpu's own way of sending is taken. It loses the device where there is no room for as many again.
+const SMALL: usize = 64 << 10;
 
 /// Memory of the device.
 #[derive(Debug)]
 pub(super) struct Allocation {
     inner: Rc<Inner>,
     pub(super) buffer: wgpu::Buffer,
+}
+
+/// Memory of the device that is kept free for what comes later.
+#[derive(Debug)]
+pub struct Reserve {
+    _taken: Vec<Allocation>,
 }
 
 impl Drop for Allocation {
@@ -98,18 +110,63 @@ impl Gpu {
     /// Errors: [`Error::AdapterMemory`].
     pub(super) fn upload<T: Pod>(&self, what: &str, values: &[T]) -> Result<Allocation> {
         let allocation = self.try_allocate(what, size_of_val(values) as u64)?;
-        self.write(&allocation, 0, values);
+        self.send(&allocation.buffer, 0, bytemuck::cast_slice(values))?;
         Ok(allocation)
     }
 
-    /// Overwrites memory from byte `offset` on, after all that was recorded before.
+    /// Overwrites memory from byte `offset` on, after all that was recorded before. A failure is noted.
     pub(super) fn write<T: Pod>(&self, allocation: &Allocation, offset: u64, values: &[T]) {
-        let mut recorder = self.0.recorder.borrow_mut();
-        if self.check().is_err() || values.is_empty() {
-            return;
+        if let Err(error) = self.send(&allocation.buffer, offset, bytemuck::cast_slice(values)) {
+            note(&self.0.failure, error);
         }
-        self.submit(&mut recorder, None, |_| {});
-        self.0.queue.write_buffer(&allocation.buffer, offset, bytemuck::cast_slice(values));
+    }
+
+    /// Errors: [`Error::AdapterMemory`] where there is no room for what is under way.
+    fn send(&self, to: &wgpu::Buffer, offset: u64, bytes: &[u8]) -> Result<()> {
+        self.check()?;
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        self.hand_over();
+        if bytes.len() <= SMALL {
+            self.0.queue.write_buffer(to, offset, bytes);
+            return self.check();
+        }
+        for (count, part) in (1..).zip(bytes.chunks(SENT_AT_ONCE)) {
+            let len = part.len() as u64;
+            let staging = self.guarded("what is sent to it", len, || {
+                self.0.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("sending"),
+                    size: len,
+                    usage: wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::MAP_WRITE,
+                    mapped_at_creation: true,
+                })
+            })?;
+            match staging.get_mapped_range_mut(..) {
+                Ok(mut view) => view.copy_from_slice(part),
+                Err(_) => return Err(self.failed("does not take what is sent to it")),
+            }
+            staging.unmap();
+            let offset = offset + ((count - 1) * SENT_AT_ONCE) as u64;
+            self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |encoder| {
+                encoder.copy_buffer_to_buffer(&staging, 0, to, offset, len);
+            });
+            if count % SENDS_UNDER_WAY == 0 {
+                self.wait()?;
+            }
+        }
+        self.check()
+    }
+
+    /// Takes so many bytes for as long as what is given is kept, so that others leave them free.
+    ///
+    /// Errors: [`Error::AdapterMemory`].
+    pub fn reserve(&self, bytes: u64) -> Result<Reserve> {
+        let limit = self.0.record.buffer_limit.max(4);
+        let parts = (0..bytes.div_ceil(limit)).map(|part| (bytes - part * limit).min(limit));
+        let taken =
+            parts.map(|part| self.try_allocate("the vectors of a solve", part)).collect::<Result<_>>()?;
+        Ok(Reserve { _taken: taken })
     }
 
     /// Reads memory back: a round trip.
@@ -125,7 +182,7 @@ impl Gpu {
                 usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
                 mapped_at_creation: false,
             });
-            self.submit(&mut self.0.recorder.borrow_mut(), None, |encoder| {
+            self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |encoder| {
                 encoder.copy_buffer_to_buffer(&allocation.buffer, offset + done, &staging, 0, part);
             });
             values.extend_from_slice(&self.map::<T>(&staging, part)?);
@@ -147,7 +204,10 @@ impl Gpu {
                 mapped_at_creation: false,
             })
         })
-        .inspect(|buffer| self.0.queue.write_buffer(buffer, 0, bytemuck::cast_slice(corners)))
+        .and_then(|buffer| {
+            self.send(&buffer, 0, bytemuck::cast_slice(corners))?;
+            Ok(buffer)
+        })
     }
 
     /// Draws, and reads the `bytes` that drawing has left: a round trip.
@@ -164,7 +224,7 @@ impl Gpu {
                 mapped_at_creation: false,
             })
         })?;
-        self.submit(&mut self.0.recorder.borrow_mut(), None, |encoder| draw(encoder, &staging));
+        self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |encoder| draw(encoder, &staging));
         self.map(&staging, bytes)
     }
 
@@ -176,7 +236,7 @@ impl Gpu {
         bytes: u64,
     ) -> Result<Vec<f32>> {
         self.check()?;
-        self.submit(&mut self.0.recorder.borrow_mut(), None, |encoder| {
+        self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |encoder| {
             encoder.copy_buffer_to_buffer(from, 0, staging, 0, bytes);
         });
         self.map(staging, bytes)

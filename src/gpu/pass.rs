@@ -15,6 +15,15 @@ pub(super) struct Walking {
     pub(super) pass: Pass,
 }
 
+impl Walking {
+    /// Some of its rows.
+    pub(super) fn narrowed(&self, rows: &Range<usize>) -> (Range<usize>, Pass) {
+        let pass =
+            Pass { rows: rows.len() as u32, y_first: self.pass.y_first + rows.start as u32, ..self.pass };
+        (self.rows.start + rows.start..self.rows.start + rows.end, pass)
+    }
+}
+
 /// Dispatches over slabs of rows (the first one, and how many), of `y` and of `x`, for channels that are bound together.
 pub(super) fn walkings(
     slabs: &[(usize, usize)],

@@ -32,7 +32,7 @@ struct Dispatch {
     pipeline: Arc<Pipeline>,
     groups: Vec<wgpu::BindGroup>,
     slot: u32,
-    workgroups: [u32; 2],
+    workgroups: [u32; 3],
 }
 
 /// The dispatches of the next submission, their parameters, and the bindings of those before.
@@ -61,7 +61,7 @@ impl Recorder {
         pipeline: Arc<Pipeline>,
         groups: Vec<wgpu::BindGroup>,
         parameters: &[u8],
-        workgroups: [u32; 2],
+        workgroups: [u32; 3],
     ) {
         let slot = self.parameters.len() as u32;
         self.parameters.extend_from_slice(parameters);
@@ -78,7 +78,8 @@ impl Recorder {
                 let offsets: &[u32] = if index == 0 { &[slot] } else { &[] };
                 pass.set_bind_group(index, group, offsets);
             }
-            pass.dispatch_workgroups(workgroups[0], workgroups[1], 1);
+            let [x, y, z] = workgroups;
+            pass.dispatch_workgroups(x, y, z);
         }
         self.parameters.clear();
     }

@@ -9,7 +9,7 @@ use super::Gpu;
 use super::kernel::{Kernel, LANES};
 use super::layout::Rows;
 use super::memory::Allocation;
-use super::vector::{GpuVector, Index, MOST_WORKGROUPS};
+use super::vector::{GpuVector, Index};
 use crate::operator::{Indexed, LinearOperator, expect_len};
 use crate::{Error, Result};
 
@@ -295,7 +295,7 @@ impl Table {
                     slab.elements.whole(),
                     slab.weights.whole(),
                 ];
-                gpu.dispatch(kernel, &params, &[&bindings], grid(slab.rows, LANES / self.sharers));
+                gpu.dispatch(kernel, &params, &[&bindings], gpu.grid(slab.rows, LANES / self.sharers));
             }
         }
         if let Some(long) = &self.long {
@@ -305,13 +305,6 @@ impl Table {
             y.overwrite(sums, &long.index);
         }
     }
-}
-
-/// Workgroups along two axes, for so many items.
-pub(super) fn grid(items: usize, each: u32) -> [u32; 2] {
-    let groups = (items as u32).div_ceil(each);
-    let across = groups.min(MOST_WORKGROUPS);
-    [across, groups.div_ceil(across.max(1))]
 }
 
 impl LinearOperator for Kept {

@@ -5,8 +5,8 @@ use std::rc::Rc;
 
 use super::Gpu;
 use super::recorder::Binding;
-use crate::Result;
 use crate::operator::{Scalars, Sum};
+use crate::{Error, Result};
 
 /// Numbers that can be under way at once.
 const CAPACITY: u32 = 1 << 20;
@@ -73,14 +73,24 @@ impl Sum for DeviceSum {
             self.gpu.fetch()?;
         }
         self.answer.get().ok_or_else(|| {
-            self.gpu.check().err().unwrap_or_else(|| crate::Error::Machine("a sum is lost".to_owned()))
+            self.gpu.check().err().unwrap_or_else(|| Error::Machine("a sum is lost".to_owned()))
         })
     }
 }
 
 impl Gpu {
     /// Room for the pieces of a reduction, and what to bind for them.
+    ///
+    /// Errors: [`Error::TooLarge`] for vectors of 1.4 billion elements and more.
     pub(super) fn room_for_pieces(&self, numbers: u32) -> Result<(u32, Binding)> {
+        if numbers > CAPACITY {
+            return Err(Error::TooLarge {
+                what: "a sum on an adapter".to_owned(),
+                needed: format!("{numbers} pieces"),
+                limit: CAPACITY.to_string(),
+                remedy: "lower the sizes, or use --backend cpu",
+            });
+        }
         if self.0.waiting.borrow().used + numbers > CAPACITY {
             self.fetch()?;
         }

@@ -4,7 +4,6 @@ use super::Gpu;
 use super::kernel::{Kernel, TileOperation};
 use super::layout::Tiles;
 use super::memory::Allocation;
-use super::rows::grid;
 use super::vector::{GpuVector, bound, numbers};
 use crate::operator::{Bounds, Metric, Scalars, Vector};
 use crate::{Error, Result};
@@ -79,7 +78,7 @@ impl TileMetric {
                     slab.matrices.whole(),
                 ];
                 let params = Tiles { tiles: slab.count as u32, stride: v.stride as u32, channel, ..params };
-                self.gpu.dispatch(kernel, &params, &[&bindings], grid(slab.count, 1));
+                self.gpu.dispatch(kernel, &params, &[&bindings], self.gpu.grid(slab.count, 1));
             }
         }
     }

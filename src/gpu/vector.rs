@@ -15,8 +15,6 @@ use crate::{Error, Result};
 /// Numbers between two places where a binding may begin.
 const ALIGNMENT: usize = 64;
 const NUMBER: u64 = size_of::<f32>() as u64;
-/// Workgroups along one axis of a dispatch.
-pub(super) const MOST_WORKGROUPS: u32 = 65535;
 
 /// Three channels an element, in f32, on a device.
 ///
@@ -108,9 +106,20 @@ impl GpuVector {
                 let mut bindings = vec![self.binding(slab)];
                 bindings.extend(others.iter().map(|other| other.binding(slab)));
                 let params = params(slab, self.params(slab));
-                self.gpu.dispatch(kernel, &params, &[&bindings], workgroups(slab));
+                self.gpu.dispatch(kernel, &params, &[&bindings], self.workgroups(slab));
             }
         }
+    }
+
+    /// Lanes take every so-many-th element, so fewer workgroups do.
+    fn workgroups(&self, slab: Slab) -> [u32; 3] {
+        [(slab.len as u32).div_ceil(LANES).min(self.gpu.0.workgroup_limit), slab.channels, 1]
+    }
+
+    /// Workgroups of a reduction: a piece each.
+    fn workgroups_of_pieces(&self, slab: Slab) -> [u32; 3] {
+        let [across, down, _] = self.gpu.grid(slab.len, PIECE);
+        [across, down, slab.channels]
     }
 
     fn params(&self, slab: Slab) -> VectorParams {
@@ -131,7 +140,7 @@ impl GpuVector {
                     let mut bindings = vec![self.binding(slab), other.binding(there)];
                     bindings.extend(indices.iter().map(|index| index.binding(slab)));
                     let params = VectorParams { again, ..self.params(slab).looking_at(other, there) };
-                    self.gpu.dispatch(kernel, &params, &[&bindings], workgroups(slab));
+                    self.gpu.dispatch(kernel, &params, &[&bindings], self.workgroups(slab));
                 }
             }
         }
@@ -153,7 +162,7 @@ impl GpuVector {
             let bindings = [results.clone(), first.binding(slab), second.binding(slab)];
             let params =
                 VectorParams { results: begin, ..first.params(slab).within(bounds, first.len, slab) };
-            gpu.dispatch(kernel, &params, &[&bindings], [count, slab.channels]);
+            gpu.dispatch(kernel, &params, &[&bindings], first.workgroups_of_pieces(slab));
             pieces.push(Pieces { begin, channel: slab.channel, channels: slab.channels, count });
             begin += slab.channels * count;
         }
@@ -168,7 +177,12 @@ impl GpuVector {
                 let count = (slab.len as u32).div_ceil(PIECE);
                 let params = VectorParams { results: begin, ..self.params(slab) };
                 let bindings = [results.whole(), self.binding(slab)];
-                self.gpu.dispatch(Kernel::LargestBits, &params, &[&bindings], [count, slab.channels]);
+                self.gpu.dispatch(
+                    Kernel::LargestBits,
+                    &params,
+                    &[&bindings],
+                    self.workgroups_of_pieces(slab),
+                );
                 for c in 0..slab.channels {
                     let channel = (slab.channel + c) as usize;
                     if counts[channel] == 0 {
@@ -196,7 +210,7 @@ impl GpuVector {
                 for there in self.slabs(channels) {
                     let bindings = [self.binding(there), other.binding(slab), index.binding(slab)];
                     let params = other.params(slab).looking_at(self, there);
-                    self.gpu.dispatch(Kernel::Place, &params, &[&bindings], workgroups(slab));
+                    self.gpu.dispatch(Kernel::Place, &params, &[&bindings], self.workgroups(slab));
                 }
             }
         }
@@ -208,7 +222,12 @@ impl GpuVector {
         for channels in Self::channels(&[self]) {
             for slab in self.slabs(channels) {
                 let bindings = [self.binding(slab), low.binding(slab), high.binding(slab), scales.whole()];
-                self.gpu.dispatch(Kernel::FixedFinish, &self.params(slab), &[&bindings], workgroups(slab));
+                self.gpu.dispatch(
+                    Kernel::FixedFinish,
+                    &self.params(slab),
+                    &[&bindings],
+                    self.workgroups(slab),
+                );
             }
         }
     }
@@ -242,10 +261,6 @@ impl Index {
     fn binding(&self, slab: Slab) -> Binding {
         self.memory.part(slab.first as u64 * NUMBER, slab.len as u64 * NUMBER)
     }
-}
-
-fn workgroups(slab: Slab) -> [u32; 2] {
-    [(slab.len as u32).div_ceil(LANES).min(MOST_WORKGROUPS), slab.channels]
 }
 
 pub(super) fn numbers(scalars: Scalars) -> [f32; 4] {

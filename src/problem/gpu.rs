@@ -174,6 +174,8 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
     ) -> Result<Self> {
         let bytes = Kept::bytes(size.plan.nonzeros, size.count, size.elements, size.channels);
         let keep = || -> Result<_> {
+            // What is kept may not take the room that a solve needs.
+            let _free = gpu.reserve(VECTORS * 12 * (size.count + size.elements) as u64)?;
             let rows = host(Strategy::Assembled, u64::MAX)?;
             let table = match &rows {
                 HostOperator::Grey(transport) => table(transport),
@@ -258,6 +260,9 @@ fn check_brightness(gpu: &Gpu, problem: &LightMapProblem) -> Result<()> {
 fn is_of_size(error: &Error) -> bool {
     matches!(error, Error::TooLarge { .. } | Error::AdapterMemory { .. })
 }
+
+/// Vectors over rows or elements that a solve has on an adapter at most, with those of its system.
+const VECTORS: u64 = 16;
 
 /// Rows that one task reads.
 const ROWS_AT_ONCE: usize = 1024;

@@ -82,13 +82,16 @@ impl Rays for VolumeRays {
                     }
                     // Counted from the first element of the quantity, and wrapped where the slab begins before.
                     let x_first = (of_x.first as u32).wrapping_sub(part.first as u32);
-                    let pass = Pass { x_first, ..walking.pass };
-                    let [offset, size] =
-                        [walking.rows.start, walking.rows.len()].map(|rows| (rows * part.row_bytes()) as u64);
-                    let tracks = part.tracks[walking.slab].part(offset, size);
                     let first_group = bindings(walking.of_y, of_x);
-                    let groups: [&[Binding]; 3] = [&first_group, &shared, std::slice::from_ref(&tracks)];
-                    gpu.dispatch(kernel, &pass, &groups, [pass.rows.div_ceil(RAYS), 1]);
+                    part.paces.of(consumer)(gpu, walking.rows.len(), &mut |rows| {
+                        let (rows, pass) = walking.narrowed(&rows);
+                        let pass = Pass { x_first, ..pass };
+                        let [offset, size] =
+                            [rows.start, rows.len()].map(|rows| (rows * part.row_bytes()) as u64);
+                        let tracks = part.tracks[walking.slab].part(offset, size);
+                        let groups: [&[Binding]; 3] = [&first_group, &shared, std::slice::from_ref(&tracks)];
+                        gpu.dispatch(kernel, &pass, &groups, [pass.rows.div_ceil(RAYS), 1, 1]);
+                    });
                 }
             }
         }

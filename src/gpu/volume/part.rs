@@ -8,10 +8,9 @@ use super::bricks::{Pool, append_records, slots};
 use super::light::{factors, largest, light};
 use super::track::Cells;
 use crate::gpu::Gpu;
-use crate::gpu::kernel::RAYS;
 use crate::gpu::layout::{Light, Track, Volume};
 use crate::gpu::memory::Allocation;
-use crate::gpu::vector::MOST_WORKGROUPS;
+use crate::gpu::pace::Paces;
 use crate::gpu::walk::VolumeWalk;
 use crate::march::{InScattering, Part, Quantity, VolumeTraversal};
 use crate::scene::Interpolation;
@@ -54,6 +53,7 @@ pub(super) struct WalkedPart {
     pub(super) tracks: Vec<Allocation>,
     /// Σ_k Σ_i w_ki at most, and the same of the squared row sums.
     pub(super) row_sums: [f64; 2],
+    pub(super) paces: Paces,
 }
 
 impl WalkedPart {
@@ -90,6 +90,7 @@ impl WalkedPart {
             slabs,
             tracks,
             row_sums,
+            paces: Paces::default(),
         })
     }
 
@@ -183,9 +184,7 @@ fn tracks(
         };
         ([first, second], sum)
     };
-    let at_once = (gpu.binding_limit() as usize / row_bytes(nested)).min((MOST_WORKGROUPS * RAYS) as usize);
-    // Slabs of y begin where bindings may.
-    let at_once = (at_once / 64 * 64).max(64);
+    let at_once = gpu.rays_at_once(row_bytes(nested));
     let (mut slabs, mut memory, mut sums) = (Vec::new(), Vec::new(), [0.0; 2]);
     for first in (0..rays.len()).step_by(at_once) {
         let count = at_once.min(rays.len() - first);

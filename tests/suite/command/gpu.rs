@@ -6,7 +6,7 @@ use unscatter::gpu::{AdapterRecord, adapters};
 use super::{Desk, Ran, scene_with};
 
 /// The adapter of this machine that serves, hardware before software.
-fn adapter() -> AdapterRecord {
+pub fn adapter() -> AdapterRecord {
     let mut found = adapters();
     found.retain(|adapter| adapter.missing.is_empty());
     found.sort_by_key(|adapter| !adapter.is_hardware());
@@ -84,6 +84,8 @@ fn faults_of_the_adapter_exit_with_3_and_one_sentence() {
         ("memory", "has no room for"),
         ("loss:3", "was lost in the middle of the work"),
         ("loss:9", "was lost in the middle of the work"),
+        ("crash:9", "was lost in the middle of the work"),
+        ("hang:9", "has not answered for"),
     ] {
         let ran = solved(&desk, "out", "gpu", &[], fault).exits_with(3).tells(words).tells("--backend cpu");
         assert!(ran.out.is_empty());
@@ -95,7 +97,7 @@ fn faults_of_the_adapter_exit_with_3_and_one_sentence() {
 #[ignore = "needs a graphics adapter; ./test.sh brings one"]
 fn the_processor_takes_over_where_that_is_allowed() {
     let desk = Desk::new();
-    for fault in ["compilation", "arithmetic", "memory", "loss:3", "loss:9"] {
+    for fault in ["compilation", "arithmetic", "memory", "loss:3", "loss:9", "crash:9", "hang:9"] {
         let ran = solved(&desk, fault, "auto", &[], fault).exits_with(0);
         ran.tells("computing on the processor, from the start");
         assert_eq!(desk.json(&format!("{fault}/report.json"))["backend"], "cpu");

@@ -3,6 +3,8 @@
 mod bad_input;
 mod bench;
 #[cfg(feature = "gpu")]
+mod driver;
+#[cfg(feature = "gpu")]
 mod gpu;
 mod interrupt;
 mod light_map;

@@ -282,3 +282,18 @@ fn columns_that_every_row_meets_are_cut_up() {
     let truth = true_squares(&crowd, &ones.to_host().unwrap());
     assert!(relative_difference(&squares.to_host().unwrap(), &truth) <= AGAINST_EXPLICIT);
 }
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn rows_that_are_walked_in_several_submissions_are_each_walked_once() {
+    // More than are walked at first.
+    let traversal = traversal(5, 40_000, Basis::Bilinear, Quadrature::Exact, false);
+    let truth = products(&explicit(&traversal, false), 5);
+    for deterministic in [false, true] {
+        let walked = Walked::light_map(&gpu(), &traversal, false, deterministic).unwrap();
+        // While the pace is found, and after.
+        for _ in 0..3 {
+            agree(&products(&walked, 5), &truth).unwrap();
+        }
+    }
+}

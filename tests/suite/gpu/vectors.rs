@@ -2,18 +2,19 @@
 
 use std::sync::Arc;
 
-use unscatter::gpu::Gpu;
+use unscatter::gpu::{Choice, Gpu, GpuVector};
 use unscatter::operator::{
     Bounds, CpuVector, Gradient, Indexed, Laplacian, NOWHERE, Neighbours, Sum, Vector, adjoint_test,
 };
 
-use super::{device, gpu, host, narrow, products, random, relative_difference};
+use super::{device, gpu, host, narrow, open, products, random, relative_difference};
 use crate::scenes::Numbers;
 use crate::tolerances::{ADJOINT_F32, AGAINST_EXPLICIT, DEVICE_ELEMENT, DEVICE_SUM};
 
-/// The whole vector in one binding; a plane at a time; slabs of 512 elements.
-fn ways() -> [Gpu; 3] {
-    [gpu(), narrow(6000 * 4), narrow(512 * 4)]
+/// The whole vector in one binding; a plane at a time; slabs of 512 elements; one workgroup along an axis of a dispatch.
+fn ways() -> [Gpu; 4] {
+    let alone = Choice { workgroup_limit: Some(1), ..Choice::default() };
+    [gpu(), narrow(6000 * 4), narrow(512 * 4), open(alone)]
 }
 
 const LENGTHS: [usize; 4] = [0, 1, 257, 5003];
@@ -196,4 +197,40 @@ fn one_wrong_element_is_noticed() {
     let (truth, sabotaged) = (random(CpuVector::<f64>::zeros(5003), 7).norm_squared(), got.norm_squared());
     let (truth, sabotaged) = (truth.unwrap()[1], sabotaged.unwrap()[1]);
     assert!((truth - sabotaged).abs() > DEVICE_SUM * 5003.0);
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn the_time_of_nothing_and_of_many_submissions_is_measured() {
+    let gpu = gpu();
+    let mut x = GpuVector::zeros(&gpu, 100_000);
+    let nothing = gpu.seconds(|| Ok(())).unwrap();
+    let much = gpu.seconds(|| {
+        (0..3000).for_each(|_| x.scale([1.0; 3]));
+        Ok(())
+    });
+    let much = much.unwrap();
+    assert_eq!(nothing.is_some(), gpu.record().timestamps);
+    if let (Some(nothing), Some(much)) = (nothing, much) {
+        assert!((0.0..1.0).contains(&nothing), "{nothing}");
+        // Of 3000 scalings only the last 952 stand in the last submission.
+        let one = gpu.seconds(|| {
+            (0..900).for_each(|_| x.scale([1.0; 3]));
+            Ok(())
+        });
+        assert!(much > 1.5 * one.unwrap().unwrap(), "{much}");
+    }
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn what_is_sent_in_parts_arrives_whole() {
+    let gpu = gpu();
+    // 55 MiB a channel: four parts, and the last one short.
+    let len = 14_400_001;
+    let mut x = GpuVector::zeros(&gpu, len);
+    let values: Vec<[f64; 3]> = (0..len).map(|k| [k as f64, (k % 7) as f64, -1.0]).collect();
+    x.set_from_host(&values).unwrap();
+    let back = x.to_host().unwrap();
+    assert!(back == values);
 }

@@ -1,0 +1,112 @@
+//! Waiting for a device that may be slow, lost or stuck.
+//!
+//! A device is slow as long as it ends a submission now and then; it hangs when it ends none for [`PATIENCE`], or for [`GRACE`] once
+//! somebody wants to stop. One that hangs, or that the driver has lost, is left alone from then on: to free its memory would mean to wait
+//! for it.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::Ordering;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use super::Gpu;
+use super::adapter::Fault;
+use super::device::note;
+use crate::{Error, Result};
+
+/// How long a device may take to end one submission. Rows that are walked are handed over in pieces of a twentieth of a second.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// The same, once it was asked whether to go on and the answer was no.
+const GRACE: Duration = Duration::from_secs(5);
+/// The same of a device that only pretends to hang.
+const SIMULATED: Duration = Duration::from_millis(500);
+/// How often to ask whether to go on.
+const GLANCE: Duration = Duration::from_millis(50);
+/// How wgpu begins to panic where a driver loses the device while it is waited for.
+const LOST: &str = "Error in Device::poll";
+
+/// Whether a panic is one that waiting for a device catches, because wgpu has no error for a device that is lost meanwhile. A
+/// program that has a panic hook can keep quiet about it.
+pub fn is_caught(panic: &std::panic::PanicHookInfo) -> bool {
+    panic.payload_as_str().is_some_and(|message| message.starts_with(LOST))
+}
+
+/// What a glance at a device shows.
+enum Seen {
+    Done,
+    Busy,
+    Lost,
+}
+
+impl Gpu {
+    /// Ends a wait early, with an error, when the device is stuck and this says so.
+    pub fn give_up_when(&self, wanted: impl Fn() -> bool + 'static) {
+        *self.0.gives_up.borrow_mut() = Some(Box::new(wanted));
+    }
+
+    /// Waits until all that was handed over is done: a round trip.
+    ///
+    /// Errors: [`Error::Adapter`] for a device that is lost or hangs; what has gone wrong before.
+    pub(super) fn wait(&self) -> Result<()> {
+        self.check()?;
+        self.0.round_trips.set(self.0.round_trips.get() + 1);
+        if self.0.fault == Some(Fault::Loss(self.0.round_trips.get())) {
+            self.destroy();
+        }
+        let ended = || self.0.ended.load(Ordering::Relaxed);
+        let (mut last, mut since) = (ended(), Instant::now());
+        loop {
+            match self.glance()? {
+                Seen::Done => return self.check(),
+                Seen::Lost => return Err(self.leave_alone("was lost in the middle of the work")),
+                Seen::Busy => self.check()?,
+            }
+            if ended() != last {
+                (last, since) = (ended(), Instant::now());
+            }
+            let is_unwanted = self.0.gives_up.borrow().as_ref().is_some_and(|gives_up| gives_up());
+            let patience = match self.0.fault {
+                Some(Fault::Hang(_)) => SIMULATED,
+                _ if is_unwanted => GRACE,
+                _ => PATIENCE,
+            };
+            if since.elapsed() > patience {
+                let problem = format!("has not answered for {:.1} s", since.elapsed().as_secs_f64());
+                return Err(self.leave_alone(&problem));
+            }
+        }
+    }
+
+    /// Waits for a moment.
+    fn glance(&self) -> Result<Seen> {
+        let round_trips = self.0.round_trips.get();
+        if matches!(self.0.fault, Some(Fault::Hang(begins)) if round_trips >= begins) {
+            sleep(GLANCE);
+            return Ok(Seen::Busy);
+        }
+        let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(GLANCE) };
+        let polled = catch_unwind(AssertUnwindSafe(|| {
+            if matches!(self.0.fault, Some(Fault::Crash(begins)) if round_trips >= begins) {
+                #[allow(clippy::panic, reason = "wgpu does, and that is what is simulated")]
+                {
+                    panic!("{LOST}: simulated");
+                }
+            }
+            self.0.device.poll(wait)
+        }));
+        match polled {
+            Ok(Ok(_)) => Ok(Seen::Done),
+            Ok(Err(wgpu::PollError::Timeout)) => Ok(Seen::Busy),
+            Ok(Err(other)) => Err(self.failed(&format!("cannot be waited for: {other}"))),
+            Err(_) => Ok(Seen::Lost),
+        }
+    }
+
+    /// Keeps a failure, and what belongs to the device for ever: dropping it would wait for it.
+    fn leave_alone(&self, problem: &str) -> Error {
+        std::mem::forget(self.clone());
+        let error = self.failed(problem);
+        note(&self.0.failure, self.failed(problem));
+        error
+    }
+}
