@@ -124,6 +124,10 @@ pub enum Error {
         reason: String,
     },
 
+    /// Somebody wanted to stop, and there is nothing to keep.
+    #[error("interrupted")]
+    Interrupted,
+
     /// The machine could not do it: threads, memory, disk.
     #[error("{0}")]
     Machine(String),
@@ -134,6 +138,17 @@ pub enum Error {
         /// What it calls itself, or what was asked for.
         adapter: String,
         /// What is wrong with it.
+        problem: String,
+        /// What a person can do about it.
+        remedy: &'static str,
+    },
+
+    /// Something that there is no way to do on a graphics adapter, in order as it is.
+    #[error("the adapter `{adapter}` {problem}; {remedy}")]
+    Unsupported {
+        /// What it calls itself.
+        adapter: String,
+        /// What it does instead, or cannot.
         problem: String,
         /// What a person can do about it.
         remedy: &'static str,
@@ -171,7 +186,11 @@ impl Error {
     pub fn fault(&self) -> Fault {
         use std::io::ErrorKind::{FileTooLarge, OutOfMemory, QuotaExceeded, StorageFull};
         match self {
-            Self::Machine(_) | Self::Adapter { .. } | Self::AdapterMemory { .. } => Fault::Machine,
+            Self::Interrupted
+            | Self::Machine(_)
+            | Self::Adapter { .. }
+            | Self::Unsupported { .. }
+            | Self::AdapterMemory { .. } => Fault::Machine,
             Self::File { source, .. }
                 if matches!(source.kind(), StorageFull | QuotaExceeded | FileTooLarge | OutOfMemory) =>
             {
@@ -183,7 +202,13 @@ impl Error {
 
     /// Whether a graphics adapter is at fault, so that the processor can do without it.
     pub fn is_of_adapter(&self) -> bool {
-        matches!(self, Self::Adapter { .. } | Self::AdapterMemory { .. })
+        matches!(self, Self::Adapter { .. } | Self::Unsupported { .. } | Self::AdapterMemory { .. })
+    }
+
+    /// Whether this way of computing cannot do it here, and nothing is wrong: it is larger than what there is room for, or there is no
+    /// kernel for it.
+    pub fn is_not_possible_here(&self) -> bool {
+        matches!(self, Self::TooLarge { .. } | Self::Unsupported { .. } | Self::AdapterMemory { .. })
     }
 
     /// A value at `path` that is not allowed.

@@ -1,11 +1,15 @@
 //! Inverse rendering of light in media.
 
+#[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod cli;
 pub mod cpu;
 mod error;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod io;
+pub mod job;
+pub mod lab;
 pub mod march;
 pub mod operator;
 pub mod problem;

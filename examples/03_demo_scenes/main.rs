@@ -103,7 +103,7 @@ impl Demo {
             view.strokes = painter::strokes(&scene, index, &self.shafts, self.share, self.brush);
         }
         std::fs::write(path, scene_file::write(&self.document)?)?;
-        let painted = problem::constraints(&scene_file::load(path, &[])?)?.0.len();
+        let painted = problem::constraints(&scene_file::load(path, &[])?)?.len();
         println!("{}: {painted} pixels painted", path.display());
         if !self.pixels.contains(&painted) {
             return Err(format!("{painted} pixels are painted where {:?} are wanted", self.pixels).into());

@@ -156,6 +156,9 @@ pub(crate) struct SolveArguments {
     /// Continue from the checkpoint in the output folder.
     #[arg(long)]
     pub(crate) resume: bool,
+    /// Neither draw the pictures of the views nor write them, as for sweeps over settings.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
     /// Write what there is so far, as pictures, every N iterations.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) preview_every: Option<u32>,
@@ -351,4 +354,14 @@ pub(crate) enum Backend {
     Cpu,
     /// A graphics card, and nothing else.
     Gpu,
+}
+
+impl From<Backend> for crate::job::Backend {
+    fn from(of: Backend) -> Self {
+        match of {
+            Backend::Auto => Self::Auto,
+            Backend::Cpu => Self::Cpu,
+            Backend::Gpu => Self::Gpu,
+        }
+    }
 }

@@ -1,6 +1,8 @@
 use serde::Serialize;
 
-use super::{Done, Manners, machine, to_json};
+use super::{Done, Manners};
+use crate::io::to_json;
+use crate::job::{self, mebibytes};
 use crate::Result;
 
 #[derive(Serialize)]
@@ -41,10 +43,10 @@ pub(super) fn run(manners: &Manners) -> Result<Done> {
     let machine = Machine {
         version: env!("CARGO_PKG_VERSION"),
         system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
-        processor: machine::processor(),
+        processor: job::processor(),
         threads: rayon::current_num_threads(),
-        free_memory: machine::free_memory(),
-        memory_budget: machine::default_budget(),
+        free_memory: job::free_memory(),
+        memory_budget: job::default_budget(),
         backend: if adapters.iter().any(serves) { "gpu" } else { "cpu" },
         adapters,
     };
@@ -53,14 +55,14 @@ pub(super) fn run(manners: &Manners) -> Result<Done> {
 }
 
 fn words(machine: &Machine) -> String {
-    let free = machine.free_memory.map_or("unknown".to_owned(), super::job::mebibytes);
+    let free = machine.free_memory.map_or("unknown".to_owned(), mebibytes);
     let mut words = format!(
         "unscatter {}\nsystem      {}\nprocessor   {}\nthreads     {}\nfree memory {free}\nbudget      {} a solve, unless --memory says otherwise\nbackend     {} with --backend auto",
         machine.version,
         machine.system,
         machine.processor,
         machine.threads,
-        super::job::mebibytes(machine.memory_budget),
+        mebibytes(machine.memory_budget),
         machine.backend,
     );
     if machine.adapters.is_empty() {
@@ -77,8 +79,8 @@ fn words(machine: &Machine) -> String {
             adapter.driver,
             yes(adapter.float_atomics),
             yes(adapter.timestamps),
-            super::job::mebibytes(adapter.binding_limit),
-            super::job::mebibytes(adapter.buffer_limit),
+            mebibytes(adapter.binding_limit),
+            mebibytes(adapter.buffer_limit),
             match &adapter.verdict {
                 Ok(()) if adapter.kind == "software" => "right; used only when named with --adapter",
                 Ok(()) => "right",

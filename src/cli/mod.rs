@@ -1,26 +1,15 @@
 //! The command: the only home of printing and exit codes.
 
 mod args;
+mod bar;
 mod bench;
+mod bench_words;
 mod check;
-mod compute;
+mod commands;
 mod diagnostics;
 mod doctor;
-mod engine;
-mod environment;
-mod findings;
-mod job;
-mod light_map;
-mod machine;
-mod matrix;
-mod placement;
-mod plan;
-mod progress;
-mod render;
-mod results;
-mod resume;
 mod stress;
-mod volume;
+mod words;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -29,6 +18,8 @@ use clap::{CommandFactory, Parser};
 
 use args::{Arguments, Command};
 
+use crate::io::to_json;
+use crate::job::Stop;
 use crate::{Error, Fault, Result, io};
 
 /// Exit code where the input is at fault.
@@ -37,6 +28,9 @@ const INPUT: u8 = 1;
 const MACHINE: u8 = 3;
 /// Exit code after Ctrl-C.
 const INTERRUPTED: i32 = 130;
+
+/// A fault to simulate, so that what happens then can be tested: see ARCHITECTURE.md.
+const FAULT: &str = "UNSCATTER_FAULT";
 
 /// How a command ended that did not fail.
 enum Done {
@@ -101,14 +95,14 @@ fn quieten_caught_panics() {
 
 fn run(command: &Command, manners: &Manners) -> Result<Done> {
     match command {
-        Command::LightMap(arguments) => light_map::run(arguments, manners),
-        Command::Volume(arguments) => volume::run(arguments, manners),
-        Command::Animate(arguments) => volume::animate(arguments, manners),
-        Command::Render(arguments) => render::run(arguments, manners),
-        Command::Plan(arguments) => plan::run(arguments, manners),
+        Command::LightMap(arguments) => commands::light_map(arguments, manners),
+        Command::Volume(arguments) => commands::volume(arguments, manners),
+        Command::Animate(arguments) => commands::animate(arguments, manners),
+        Command::Render(arguments) => commands::render(arguments, manners),
+        Command::Plan(arguments) => commands::plan(arguments, manners),
         Command::Check(arguments) => check::run(arguments, manners),
         Command::Bench(arguments) => bench::run(arguments, manners),
-        Command::Matrix(arguments) => matrix::run(arguments, manners),
+        Command::Matrix(arguments) => commands::matrix(arguments, manners),
         Command::Stress(arguments) => stress::run(arguments, manners),
         Command::Doctor => doctor::run(manners),
         Command::Schema { of } => {
@@ -123,8 +117,15 @@ fn run(command: &Command, manners: &Manners) -> Result<Done> {
     }
 }
 
-fn to_json(value: &impl serde::Serialize) -> Result<String> {
-    serde_json::to_string_pretty(value).map_err(|error| Error::Machine(format!("cannot write JSON: {error}")))
+/// Lets Ctrl-C end the work in order; a second one ends it at once.
+fn watch_interrupt(stop: &Stop) -> Result<()> {
+    let stop = stop.clone();
+    ctrlc::set_handler(move || {
+        if stop.ask() {
+            std::process::exit(INTERRUPTED);
+        }
+    })
+    .map_err(|error| Error::Machine(format!("cannot watch for Ctrl-C: {error}")))
 }
 
 fn watch_verbosity(arguments: &Arguments) {

@@ -14,3 +14,11 @@ mod whole;
 
 pub use checkpoint::Checkpoint;
 pub use whole::write_whole;
+
+/// A value as indented JSON.
+///
+/// Errors: [`crate::Error::Machine`] for what JSON cannot hold.
+pub(crate) fn to_json(value: &impl serde::Serialize) -> crate::Result<String> {
+    serde_json::to_string_pretty(value)
+        .map_err(|error| crate::Error::Machine(format!("cannot write JSON: {error}")))
+}

@@ -1,4 +1,4 @@
-use crate::scene::{Rgb, RgbaImage, Scene};
+use crate::scene::{Rgb, Scene};
 use crate::{Error, Result};
 
 /// One painted pixel: a row of the problem.
@@ -16,13 +16,11 @@ pub struct Constraint {
     pub weight: f32,
 }
 
-/// All painted pixels, view by view, row by row (and the others among them, where [`Skipping`](crate::scene::Skipping) says so);
-/// and what is painted on each view.
+/// All painted pixels, view by view, row by row (and the others among them, where [`Skipping`](crate::scene::Skipping) says so).
 ///
 /// Errors: [`Error::Empty`] when nothing is painted.
-pub fn constraints(scene: &Scene) -> Result<(Vec<Constraint>, Vec<RgbaImage>)> {
+pub fn constraints(scene: &Scene) -> Result<Vec<Constraint>> {
     let mut constraints = Vec::new();
-    let mut paintings = Vec::with_capacity(scene.views.len());
     for (view, painted) in scene.views.iter().enumerate() {
         let painting = super::paint(painted)?;
         let width = painting.size()[0];
@@ -32,7 +30,6 @@ pub fn constraints(scene: &Scene) -> Result<(Vec<Constraint>, Vec<RgbaImage>)> {
                 constraints.push(Constraint { view, x, y, color: [r, g, b], weight });
             }
         }
-        paintings.push(painting);
     }
     if constraints.iter().all(|pixel: &Constraint| pixel.weight <= 0.0) {
         return Err(Error::Empty {
@@ -40,5 +37,5 @@ pub fn constraints(scene: &Scene) -> Result<(Vec<Constraint>, Vec<RgbaImage>)> {
             remedy: "add strokes or layers to at least one view",
         });
     }
-    Ok((constraints, paintings))
+    Ok(constraints)
 }

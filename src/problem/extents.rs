@@ -44,22 +44,22 @@ impl Sight {
     }
 }
 
-/// Fits the maps to what is seen where the scene does not set them, and renders the shadow maps.
+/// Fits the maps to what is seen where `light_map` and the scene do not set them, and renders the shadow maps.
 ///
 /// The light map covers the rays through painted pixels (of a scene without any, what all views see), the shadow
 /// maps what all views see; all only as far as there is geometry to cast a shadow.
-pub fn fit(scene: &Scene) -> Result<Maps> {
-    let painted = super::constraints(scene).map(|(painted, _)| painted);
-    let constraints = match painted {
+pub fn fit(scene: &Scene, light_map: &MapSettings) -> Result<Maps> {
+    let constraints = match super::constraints(scene) {
         Err(Error::Empty { .. }) => Vec::new(),
         painted => painted?,
     };
-    fit_to(scene, &constraints, &Traced.lengths(scene, &constraints)?, &Traced)
+    fit_to(scene, light_map, &constraints, &Traced.lengths(scene, &constraints)?, &Traced)
 }
 
 /// The same for constraints whose rays have these lengths.
 pub(super) fn fit_to(
     scene: &Scene,
+    light_map: &MapSettings,
     constraints: &[Constraint],
     lengths: &[f64],
     surfaces: &dyn Surfaces,
@@ -81,7 +81,7 @@ pub(super) fn fit_to(
     sight.0.extend_from_slice(&painted.0);
     let seen = sight.over(&frame);
     let over_light = if constraints.is_empty() { seen } else { painted.over(&frame) };
-    let light_map = grid(&scene.light_map, over_light, occluded)?;
+    let light_map = grid(light_map, over_light, occluded)?;
     let shadow_grid = grid(&scene.shadow_map, seen, occluded)?;
     let shadow_map = if occluded.has_area() {
         surfaces.shadow_map(scene, &frame, shadow_grid)?

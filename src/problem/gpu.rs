@@ -30,7 +30,7 @@ impl GpuOperator<LightMapTraversal> {
     /// sums are the same in every run.
     ///
     /// Errors: [`Error::TooLarge`] when all rows must be kept and exceed the budget, [`Error::AdapterMemory`];
-    /// [`Error::Adapter`] for light whose squares f32 does not hold.
+    /// [`Error::Unsupported`] for light whose squares f32 does not hold.
     pub fn new(
         gpu: &Gpu,
         problem: &LightMapProblem,
@@ -240,14 +240,14 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> GpuOperator<T> {
 
 /// Sums of squares are made in f32 on an adapter: those of fainter light would be zero, and of brighter light infinite.
 ///
-/// Errors: [`Error::Adapter`].
+/// Errors: [`Error::Unsupported`].
 fn check_brightness(gpu: &Gpu, problem: &LightMapProblem) -> Result<()> {
     const HELD: std::ops::RangeInclusive<f32> = 1e-15..=1e15;
     let brightest = problem.start.iter().copied().fold(0.0, f32::max);
     if brightest == 0.0 || HELD.contains(&brightest) {
         return Ok(());
     }
-    Err(Error::Adapter {
+    Err(Error::Unsupported {
         adapter: gpu.record().name.clone(),
         problem: format!(
             "computes sums in f32, and a light of radiance {brightest:e} is beyond what they hold"

@@ -9,7 +9,7 @@ use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, con
 use crate::cpu::WalkPlan;
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::{Bounds, CpuVector};
-use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
+use crate::scene::{Quadrature, Rgb, Scene, SolveSettings, Strategy, Target};
 use crate::{Error, Result};
 
 /// The painted pixels of a scene as rows, and what they should become.
@@ -21,8 +21,6 @@ use crate::{Error, Result};
 pub struct LightMapProblem {
     /// The rows.
     pub constraints: Vec<Constraint>,
-    /// What is painted on each view.
-    pub paintings: Vec<RgbaImage>,
     /// Where the maps lie.
     pub maps: Maps,
     /// The rows of T.
@@ -46,14 +44,13 @@ impl LightMapProblem {
     ///
     /// Errors: [`Error::Empty`] when nothing is painted or every painted pixel is in shadow.
     pub fn new(scene: &Scene) -> Result<Self> {
-        Self::with(scene, &Traced)
+        Self::of(scene, constraints(scene)?, &Traced)
     }
 
-    /// The same, with surfaces found in a way of the caller's.
-    pub fn with(scene: &Scene, surfaces: &dyn Surfaces) -> Result<Self> {
-        let (constraints, paintings) = constraints(scene)?;
+    /// The same from pixels that are painted already, with surfaces found in a way of the caller's.
+    pub fn of(scene: &Scene, constraints: Vec<Constraint>, surfaces: &dyn Surfaces) -> Result<Self> {
         let lengths = surfaces.lengths(scene, &constraints)?;
-        let maps = fit_to(scene, &constraints, &lengths, surfaces)?;
+        let maps = fit_to(scene, &scene.light_map, &constraints, &lengths, surfaces)?;
         let rays: Arc<[ViewRay]> = constraints
             .par_iter()
             .zip(&lengths)
@@ -87,7 +84,6 @@ impl LightMapProblem {
         let further_start = scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(start));
         Ok(Self {
             constraints,
-            paintings,
             maps,
             traversal,
             targets,
@@ -171,7 +167,6 @@ impl LightMapProblem {
         let traversal = self.traversal.picked(rows);
         Self {
             constraints: of(&self.constraints, rows),
-            paintings: self.paintings.clone(),
             maps: self.maps.clone(),
             targets: of(&self.targets, rows),
             surroundings: of(&self.surroundings, rows),

@@ -14,7 +14,7 @@ const ROUNDS: usize = 60_000;
 const DARK: f64 = 64.0;
 const REMEDY: &str = "choose the strategy `assembled`, which keeps the rows, or use --backend cpu";
 
-/// Errors: [`Error::Adapter`] for what there is no kernel for, [`Error::TooLarge`] for rays whose loops would not end by themselves.
+/// Errors: [`Error::Unsupported`] for what there is no kernel for, [`Error::TooLarge`] for rays whose loops would not end by themselves.
 pub(super) fn check(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumulation) -> Result<()> {
     let shared = traversal.transport();
     let lights = traversal.parts().iter().map(lights).max().unwrap_or(0);
@@ -34,7 +34,7 @@ pub(super) fn check(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumu
     } else {
         return check_rounds(gpu, traversal, accumulation);
     };
-    Err(Error::Adapter { adapter: gpu.record().name.clone(), problem, remedy: REMEDY })
+    Err(Error::Unsupported { adapter: gpu.record().name.clone(), problem, remedy: REMEDY })
 }
 
 fn lights(part: &Part) -> usize {

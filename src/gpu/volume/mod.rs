@@ -33,7 +33,7 @@ impl Walked {
     /// Hands rays, medium and lights of a volume over. `colored` ones have one weight a channel; `deterministic` scatters give the same
     /// bits every time.
     ///
-    /// Errors: [`crate::Error::Adapter`] for rays that are bent, integrals that are marched, more than four lights, and an unknown that
+    /// Errors: [`crate::Error::Unsupported`] for rays that are bent, integrals that are marched, more than four lights, and an unknown that
     /// is interpolated otherwise than the medium; [`crate::Error::TooLarge`] for volumes that a kernel cannot see as a whole;
     /// [`crate::Error::AdapterMemory`].
     pub fn volume(

@@ -1,0 +1,186 @@
+//! The commands that are one job.
+
+use std::path::{Path, PathBuf};
+
+use super::args::{
+    AnimateArguments, BackendArguments, LightMapArguments, MatrixArguments, OutputArguments, RenderArguments,
+    SceneArguments, SolveArguments, VolumeArguments,
+};
+use super::bar::Bar;
+use super::{Done, FAULT, Manners, watch_interrupt, words};
+use crate::io::to_json;
+use crate::job::{EngineChoice, Job, Options, Scenes, Written};
+use crate::{Error, Result};
+
+impl SceneArguments {
+    /// Reads the scene, with its overrides and those that flags stand for.
+    pub(super) fn open(&self, flags: &[String]) -> Result<Job> {
+        let memory = self.memory.iter().map(|size| format!("solve.memory=\"{size}\""));
+        let overrides: Vec<String> =
+            self.overrides.iter().chain(flags).cloned().chain(memory).collect();
+        Job::open_with(&self.scene, &overrides)
+    }
+
+    /// Errors: [`Error::Value`] for a scene that is not `expected`.
+    fn refused(&self, given: &str, expected: &'static str) -> Error {
+        Error::value(self.scene.display().to_string(), given, expected)
+    }
+}
+
+impl OutputArguments {
+    /// Where results go: where it says, else `out/` and the scene's file name.
+    pub(super) fn folder(&self, scene: &Path) -> PathBuf {
+        let by_name = || Path::new("out").join(scene.file_stem().unwrap_or_default());
+        self.output.clone().unwrap_or_else(by_name)
+    }
+}
+
+impl BackendArguments {
+    pub(super) fn choice(&self) -> EngineChoice {
+        EngineChoice {
+            backend: self.backend.into(),
+            adapter: self.adapter.clone(),
+            fault: std::env::var(FAULT).ok(),
+        }
+    }
+}
+
+fn options(backend: &BackendArguments, solve: &SolveArguments, folder: &Path) -> Options {
+    Options {
+        engine: backend.choice(),
+        deterministic: solve.deterministic,
+        folder: Some(folder.to_owned()),
+        resume: solve.resume,
+        pictures: !solve.no_pictures,
+        ..Options::default()
+    }
+}
+
+/// Solves, writes, and prints.
+fn solved(
+    job: Job,
+    options: Options,
+    solve: &SolveArguments,
+    manners: &Manners,
+    mut bar: Bar,
+    words: fn(&crate::report::Report, &Path) -> String,
+) -> Result<Done> {
+    watch_interrupt(&options.stop)?;
+    let folder = options.folder.clone().unwrap_or_default();
+    bar = bar.with_previews(solve.preview_every);
+    let found = job.with(options).solve(&mut bar)?;
+    let Written { report, is_interrupted, folder } = found.write_observed(folder, &mut bar)?;
+    bar.finish();
+    manners.print(&report.to_json()?, &words(&report, &folder));
+    Ok(if is_interrupted { Done::Interrupted } else { Done::Completely })
+}
+
+/// `unscatter light-map`: from painted strokes to a light map, pictures and a report.
+pub(super) fn light_map(arguments: &LightMapArguments, manners: &Manners) -> Result<Done> {
+    let bar = Bar::new(manners.quiet);
+    let mut flags = arguments.solve.overrides();
+    flags.extend(arguments.fill.then(|| "solve.fill=true".to_owned()));
+    let job = arguments.scene.open(&flags)?;
+    if !matches!(job.scenes(), Scenes::LightMap(_)) {
+        let expected = "a scene without; volumes are found by `unscatter volume`";
+        return Err(arguments.scene.refused("a scene with a `volume`", expected));
+    }
+    let folder = arguments.output.folder(&arguments.scene.scene);
+    let options = Options {
+        rasterize: arguments.rasterize,
+        ..options(&arguments.backend, &arguments.solve, &folder)
+    };
+    solved(job, options, &arguments.solve, manners, bar, words::of_light_map)
+}
+
+/// `unscatter volume`: finds what the scene asks for, stage by stage, and writes volumes, pictures and a report.
+pub(super) fn volume(arguments: &VolumeArguments, manners: &Manners) -> Result<Done> {
+    let bar = Bar::new(manners.quiet);
+    let job = arguments.scene.open(&arguments.overrides())?;
+    match job.scenes() {
+        Scenes::Volume(_) => {}
+        Scenes::LightMap(_) => {
+            let expected = "a volume scene; light maps are found by `unscatter light-map`";
+            return Err(arguments.scene.refused("a scene without `volume`", expected));
+        }
+        Scenes::Animation(_) => {
+            let expected = "a scene without; animations are made by `unscatter animate`";
+            return Err(arguments.scene.refused("a scene with `animation`", expected));
+        }
+    }
+    let folder = arguments.output.folder(&arguments.scene.scene);
+    let options = Options {
+        formats: arguments.formats()?,
+        turntable: arguments.turntable as usize,
+        ..options(&arguments.backend, &arguments.solve, &folder)
+    };
+    solved(job, options, &arguments.solve, manners, bar, words::of_volume)
+}
+
+/// `unscatter animate`: solves the key frames, spreads what they found, blends, and draws every frame.
+pub(super) fn animate(arguments: &AnimateArguments, manners: &Manners) -> Result<Done> {
+    let bar = Bar::new(manners.quiet);
+    let job = arguments.scene.open(&arguments.overrides())?;
+    if !matches!(job.scenes(), Scenes::Animation(_)) {
+        let expected = "a volume scene with key frames; other volumes are found by `unscatter volume`";
+        return Err(arguments.scene.refused("a scene without `animation`", expected));
+    }
+    let folder = arguments.output.folder(&arguments.scene.scene);
+    let options = Options {
+        formats: arguments.formats()?,
+        frames: arguments.frames.clone(),
+        frame_volumes: arguments.volumes,
+        ..options(&arguments.backend, &arguments.solve, &folder)
+    };
+    solved(job, options, &arguments.solve, manners, bar, words::of_volume)
+}
+
+/// `unscatter render`: the views as they are, or under a light map from a file.
+pub(super) fn render(arguments: &RenderArguments, manners: &Manners) -> Result<Done> {
+    let mut bar = Bar::new(manners.quiet);
+    let job = arguments.scene.open(&[])?;
+    if !matches!(job.scenes(), Scenes::LightMap(_)) && arguments.light_map.is_some() {
+        let expected =
+            "left away: volumes have none; put one in by --set volume.emission.file=FILE or the like";
+        return Err(Error::value("--light-map", "a light map", expected));
+    }
+    let folder = arguments.output.folder(&arguments.scene.scene);
+    let options = Options { turntable: arguments.turntable as usize, ..Options::default() };
+    watch_interrupt(&options.stop)?;
+    let drawn = job.with(options).draw(arguments.light_map.as_deref(), folder, &mut bar)?;
+    let Some(drawn) = drawn else { return Ok(Done::Interrupted) };
+    bar.finish();
+    let names: Vec<String> = drawn.iter().map(|path| path.display().to_string()).collect();
+    manners.print(&to_json(&names)?, &names.join("\n"));
+    Ok(Done::Completely)
+}
+
+/// `unscatter plan`: what a solve would take.
+pub(super) fn plan(arguments: &SceneArguments, manners: &Manners) -> Result<Done> {
+    let mut bar = Bar::new(manners.quiet);
+    let job = arguments.open(&[])?;
+    let plans = job.plan(&mut bar)?;
+    bar.finish();
+    let json = match (&plans[..], job.scenes()) {
+        ([plan], Scenes::LightMap(_)) => to_json(plan)?,
+        _ => to_json(&plans)?,
+    };
+    let lines: Vec<String> = plans.iter().map(words::of_plan).collect();
+    manners.print(&json, &lines.join("\n"));
+    Ok(Done::Completely)
+}
+
+/// `unscatter matrix`: T.npz, b.npy, x0.npy and rows.npy, as SciPy and NumPy load them.
+pub(super) fn matrix(arguments: &MatrixArguments, manners: &Manners) -> Result<Done> {
+    let mut bar = Bar::new(manners.quiet);
+    let exported = arguments.scene.open(&[])?.matrix(&mut bar)?;
+    let folder = arguments.output.folder(&arguments.scene.scene);
+    exported.write(&folder)?;
+    bar.finish();
+    let matrix = exported.matrix.channel(0);
+    let ((rows, columns), nonzeros) = (matrix.shape(), matrix.nnz());
+    let json = serde_json::json!({ "rows": rows, "columns": columns, "nonzeros": nonzeros });
+    let told = format!("T: {rows} × {columns}, {nonzeros} non-zeros, in {}", folder.display());
+    manners.print(&to_json(&json)?, &told);
+    Ok(Done::Completely)
+}

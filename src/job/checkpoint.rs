@@ -1,0 +1,191 @@
+//! Checkpoints: what a solve goes on from.
+
+use std::cell::Cell;
+use std::path::{Path, PathBuf};
+
+use super::folder::Folder;
+use crate::io::Checkpoint;
+use crate::problem::{LightMapProblem, Paused, Snapshot, VolumeProblem};
+use crate::scene::{Scene, SolveSettings};
+use crate::solve::{History, Measure, Progress, Progressing, State};
+use crate::{Error, Result};
+
+/// Numbers of one entry of the history.
+const ENTRY: usize = 9;
+
+/// Keeps a solve in the checkpoint of its output folder.
+#[derive(Debug)]
+pub(super) struct Keeper {
+    path: PathBuf,
+    /// Where the last one is made, to be published with the results.
+    last: PathBuf,
+    fingerprint: u64,
+    /// Whether this run has written it.
+    kept: Cell<bool>,
+}
+
+impl Keeper {
+    /// Keeps the solve with this fingerprint in a file called `name`.
+    pub(super) fn new(folder: &Folder, name: &str, fingerprint: u64) -> Self {
+        let last = folder.file(name);
+        Self { path: folder.path().join(name), last, fingerprint, kept: Cell::new(false) }
+    }
+
+    /// Writes the checkpoint where [`Keeper::read`] finds it; a failure is no reason to lose the solve.
+    pub(super) fn keep(&self, history: &History, snapshot: &mut dyn Snapshot) {
+        match self.write(&self.path, history, snapshot) {
+            Ok(()) => self.kept.set(true),
+            Err(error) => tracing::warn!("no checkpoint: {error}"),
+        }
+    }
+
+    /// What this run has kept last, if anything.
+    #[cfg(feature = "gpu")]
+    pub(super) fn latest(&self) -> Option<Paused> {
+        self.kept.get().then(|| self.read().ok()).flatten()
+    }
+
+    /// Writes the checkpoint of a solve that has ended among the results.
+    pub(super) fn finish(&self, history: &History, snapshot: &mut dyn Snapshot) -> Result<()> {
+        self.write(&self.last, history, snapshot)
+    }
+
+    fn write(&self, path: &Path, history: &History, snapshot: &mut dyn Snapshot) -> Result<()> {
+        let [r, s] = [history.start.residual, history.start.normal_residual];
+        let settled = history.settled.map(|settled| f64::from(u8::from(settled)));
+        let Progressing { least, residual, without } = history.progressing;
+        let counts = [history.restarts, history.spared, without].map(|count| count as f64);
+        let start = [r, s, counts, settled, residual, [history.least_true, least, 0.0]].concat();
+        let entries = history.progress.iter().flat_map(|entry| {
+            let [r, s] = [entry.residual, entry.normal_residual];
+            let counts = [entry.iteration as f64, entry.seconds, entry.operator_applications as f64];
+            [counts, r, s].concat()
+        });
+        let (vectors, scalars) = snapshot.outline();
+        let blocks: [Vec<f64>; 3] = [start, entries.collect(), scalars];
+        let lengths = blocks.iter().map(Vec::len).chain(vectors.iter().map(|colors| 3 * colors));
+        Checkpoint::write(path, self.fingerprint, &lengths.collect::<Vec<_>>(), |put| {
+            blocks.iter().try_for_each(|block| put(block))?;
+            snapshot.hand_out(&mut |vector| put(vector.as_flattened()))
+        })
+    }
+
+    pub(super) fn read(&self) -> Result<Paused> {
+        let wrong = || Error::Checkpoint { path: self.path.clone(), reason: "it is incomplete".to_owned() };
+        let checkpoint = Checkpoint::read(&self.path, self.fingerprint)?;
+        let [start, entries, scalars, vectors @ ..] = &checkpoint.blocks[..] else { return Err(wrong()) };
+        if !vectors.iter().flatten().all(|number| number.is_finite()) {
+            let reason = "it holds something that is not a number".to_owned();
+            return Err(Error::Checkpoint { path: self.path.clone(), reason });
+        }
+        let ([r, s, counts, settled, residual, [least_true, least, _]], []) = start.as_chunks::<3>() else {
+            return Err(wrong());
+        };
+        let (entries, rest) = entries.as_chunks::<ENTRY>();
+        if entries.is_empty() || !rest.is_empty() {
+            return Err(wrong());
+        }
+        let progress =
+            entries.iter().map(|&[iteration, seconds, applications, r0, r1, r2, s0, s1, s2]| Progress {
+                iteration: iteration as usize,
+                seconds,
+                operator_applications: applications as usize,
+                residual: [r0, r1, r2],
+                normal_residual: [s0, s1, s2],
+            });
+        let [restarts, spared, without] = counts.map(|count| count as usize);
+        let history = History {
+            progress: progress.collect(),
+            start: Measure { residual: *r, normal_residual: *s },
+            restarts,
+            least_true: *least_true,
+            settled: settled.map(|settled| settled != 0.0),
+            spared,
+            progressing: Progressing { least: *least, residual: *residual, without },
+        };
+        let vectors = vectors.iter().map(|vector| vector.as_chunks::<3>().0.to_vec()).collect();
+        Ok(Paused { history, state: State { vectors, scalars: scalars.clone() } })
+    }
+}
+
+/// A hash of everything that the path of a volume's solve depends on; limits may change between its parts.
+pub(super) fn of_volume(settings: &SolveSettings, problem: &VolumeProblem) -> u64 {
+    let mut hash = Mixed(0);
+    let transport = problem.traversal.transport();
+    let words = format!(
+        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?} {:?}",
+        settings.solver,
+        problem.formulation().bounds,
+        problem.formulation().steering,
+        settings.metric,
+        settings.quadrature,
+        settings.regularization,
+        settings.strategy,
+        settings.transmittance_bound,
+        settings.skip,
+        transport.basis,
+        problem.size(),
+    );
+    words.bytes().for_each(|byte| hash.add(byte.into()));
+    for row in 0..problem.targets.len() {
+        let ray = problem.traversal.rays().ray(row);
+        let length = problem.traversal.rays().length(row);
+        let numbers = [ray.origin.to_array(), ray.direction.to_array(), [length; 3]];
+        numbers.iter().flatten().for_each(|number| hash.add(number.to_bits()));
+        let numbers = [problem.targets[row], problem.weights[row]];
+        numbers.iter().flatten().for_each(|number| hash.add(number.to_bits().into()));
+    }
+    problem.start.iter().flatten().for_each(|number| hash.add(number.to_bits().into()));
+    transport.density.volume().samples().iter().for_each(|number| hash.add(number.to_bits().into()));
+    hash.0
+}
+
+/// A hash of everything that the path of a light map's solve depends on.
+pub(super) fn of_light_map(scene: &Scene, settings: &SolveSettings, problem: &LightMapProblem) -> u64 {
+    let mut hash = Mixed(0);
+    let words = format!(
+        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?} {:?} {:?}",
+        settings.solver,
+        settings.bounds,
+        settings.metric,
+        settings.basis,
+        settings.quadrature,
+        settings.regularization,
+        settings.strategy,
+        settings.transmittance_bound,
+        settings.skip,
+        problem.maps.light_map,
+        problem.maps.shadow_map.grid(),
+        problem.start,
+    );
+    words.bytes().for_each(|byte| hash.add(byte.into()));
+    for ray in problem.traversal.rays() {
+        let numbers = [ray.origin.to_array(), ray.direction.to_array(), ray.scattering];
+        numbers.iter().flatten().chain([&ray.length]).for_each(|number| hash.add(number.to_bits()));
+    }
+    for (pixel, target) in problem.constraints.iter().zip(&problem.targets) {
+        target.iter().chain([&pixel.weight]).for_each(|number| hash.add(number.to_bits().into()));
+    }
+    let [width, height] = problem.maps.shadow_map.grid().size;
+    (0..width * height).for_each(|k| {
+        hash.add(problem.maps.shadow_map.depth(k % width, k / width).to_bits().into());
+    });
+    scene.medium.sigma_t.iter().for_each(|number| hash.add(number.to_bits()));
+    if let Some(shown) = problem.traversal.surroundings() {
+        problem.further_start.iter().flatten().for_each(|number| hash.add(number.to_bits().into()));
+        for row in 0..problem.constraints.len() {
+            let further = (0..shown.further()).flat_map(|further| shown.weight(row, further));
+            further.chain(shown.reflected(row).sum()).for_each(|number| hash.add(number.to_bits().into()));
+        }
+    }
+    hash.0
+}
+
+/// FxHash: a rotation, so that two flips of a sign do not undo each other, and a multiplication a word.
+struct Mixed(u64);
+
+impl Mixed {
+    fn add(&mut self, word: u64) {
+        self.0 = (self.0.rotate_left(5) ^ word).wrapping_mul(0x517c_c1b7_2722_0a95);
+    }
+}

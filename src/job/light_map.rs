@@ -1,0 +1,194 @@
+//! From painted strokes to a light map.
+
+use super::checkpoint::{self, Keeper};
+use super::compute::{Computed, Task, Watch};
+use super::engine::{Engine, On};
+use super::environment::write_environment;
+use super::findings::Findings;
+use super::folder::{Folder, Painted, ViewPictures};
+use super::placement::Placement;
+use super::steps::{Steps, Timings};
+use super::{Options, budget};
+use crate::operator::CpuVector;
+use crate::problem::{Assessment, LightMapProblem, Traced, render};
+use crate::report::{self, Report};
+use crate::scene::{Environment, Image, Rgb, Scene, Sky, SolveSettings};
+use crate::solve::StopReason;
+use crate::{Error, Result};
+
+/// A light map that was found, and all there is to know about it.
+#[derive(Debug)]
+pub(crate) struct FoundLightMap {
+    pub(crate) problem: LightMapProblem,
+    settings: SolveSettings,
+    pub(crate) computed: Computed,
+    /// None where no pictures were asked for.
+    pub(crate) pictures: Vec<ViewPictures>,
+}
+
+/// Solves a scene; checkpoints and previews go to the folder, if there is one.
+pub(super) fn solve(
+    scene: &Scene,
+    options: &Options,
+    engine: &mut Engine,
+    folder: Option<&Folder>,
+    steps: &mut Steps<'_>,
+) -> Result<FoundLightMap> {
+    steps.begin("tracing", None);
+    let problem = trace(scene, engine, options.rasterize)?;
+    let settings = budget::settled(scene, &problem);
+    let keeper = |folder| Keeper::new(folder, "checkpoint", checkpoint::of_light_map(scene, &settings, &problem));
+    let checkpoint = folder.map(keeper);
+    let resumed = match &checkpoint {
+        Some(checkpoint) if options.resume => Some(checkpoint.read()?),
+        _ => None,
+    };
+    let watch = Watch { checkpoint: checkpoint.as_ref(), iterations: settings.iterations, adapter: None };
+    let task = Task { scene, settings: &settings, problem: &problem, watch };
+    let preview = |elements: &[Rgb]| {
+        folder.map_or(Ok(()), |folder| preview(scene, &problem, folder, elements))
+    };
+    let computed = engine.run(checkpoint.as_ref(), options.resume, resumed, |on, resumed| match on {
+        On::Cpu => task.on_cpu(resumed, steps, &preview),
+        #[cfg(feature = "gpu")]
+        On::Gpu(gpu) => task.on_gpu(&gpu, options.deterministic, resumed, steps, &preview),
+    })?;
+    let pictures = match options.pictures {
+        true => {
+            steps.begin("rendering", Some(scene.views.len() as u64));
+            let Computed { solved, before, after, .. } = &computed;
+            draw(scene, &problem, &solved.x, [before, after], steps)?
+        }
+        false => Vec::new(),
+    };
+    Ok(FoundLightMap { problem, settings, computed, pictures })
+}
+
+impl FoundLightMap {
+    pub(super) fn is_interrupted(&self) -> bool {
+        self.computed.solved.outcome.stop.reason == StopReason::Interrupted
+    }
+
+    pub(super) fn report(&self, scene: &Scene, timings: &Timings) -> Report {
+        let Self { problem, settings, computed, .. } = self;
+        Findings { scene, settings, problem, computed }.report(timings)
+    }
+
+    /// The light map, row 0 its top edge as seen upright from the sun.
+    pub(super) fn light_map(&self) -> Result<Image> {
+        let [texels, _] = self.problem.parted(&self.computed.solved.x);
+        light_map_picture(&self.problem, texels)
+    }
+
+    /// Writes everything but the report; what of it the page shows.
+    pub(super) fn write(&self, scene: &Scene, folder: &Folder) -> Result<report::Pictures> {
+        let Self { problem, computed, .. } = self;
+        let [_, further] = problem.parted(&computed.solved.x);
+        let views = self.pictures.iter().map(|view| view.write(folder, scene.exposure));
+        let in_page = report::Pictures {
+            views: views.collect::<Result<_>>()?,
+            light_map: folder.write_picture("light_map", &self.light_map()?, exposure_of(problem))?,
+            coverage: Some(folder.write_png("coverage", &coverage_picture(problem, &computed.coverage)?, 0.0)?),
+            environment: write_sky(scene, folder, further)?,
+            ..report::Pictures::default()
+        };
+        folder.write_bytes("light_map.placement.json", Placement::of(&problem.maps).to_json()?.as_bytes())?;
+        Ok(in_page)
+    }
+}
+
+/// The problem, with surfaces found by rays or by a depth pass.
+///
+/// Errors: [`Error::Adapter`] for a depth pass without an adapter.
+fn trace(scene: &Scene, engine: &Engine, rasterize: bool) -> Result<LightMapProblem> {
+    let painted = budget::painted(scene)?;
+    if !rasterize {
+        return LightMapProblem::of(scene, painted, &Traced);
+    }
+    match engine {
+        #[cfg(feature = "gpu")]
+        Engine::Gpu { gpu, or_cpu } => {
+            let rasterized = crate::problem::Rasterized(gpu.clone());
+            match LightMapProblem::of(scene, painted.clone(), &rasterized) {
+                Err(error) if *or_cpu && error.is_of_adapter() => {
+                    tracing::warn!("{error}; tracing rays instead");
+                    LightMapProblem::of(scene, painted, &Traced)
+                }
+                problem => problem,
+            }
+        }
+        Engine::Cpu => Err(Error::Adapter {
+            adapter: "none".to_owned(),
+            problem: "cannot rasterize".to_owned(),
+            remedy: "choose one by --backend gpu or --adapter, or leave --rasterize away",
+        }),
+    }
+}
+
+/// The pictures of all views under what was found, given what the painted pixels show before and after.
+fn draw(
+    scene: &Scene,
+    problem: &LightMapProblem,
+    elements: &[Rgb],
+    [before, after]: [&Assessment; 2],
+    steps: &mut Steps<'_>,
+) -> Result<Vec<ViewPictures>> {
+    let draw_view = |view: usize| {
+        let rendering = render(scene, &problem.maps, Some(elements), view)?;
+        let width = scene.views[view].camera.size()[0];
+        let rows = problem.constraints.iter().enumerate();
+        let rows = rows.filter(|(_, pixel)| pixel.view == view && pixel.weight > 0.0);
+        let painted = rows.map(|(row, pixel)| Painted {
+            pixel: pixel.y * width + pixel.x,
+            weight: pixel.weight,
+            before: before.shown[row],
+            wanted: problem.wanted(row),
+            after: after.shown[row],
+        });
+        let pictures = ViewPictures::new(&scene.views[view].name, painted, rendering);
+        steps.advance(view as u64 + 1, "");
+        Ok(pictures)
+    };
+    (0..scene.views.len()).map(draw_view).collect()
+}
+
+/// Writes the lights of the sky, where they were looked for; gives back the PNG file.
+fn write_sky(scene: &Scene, folder: &Folder, further: &[Rgb]) -> Result<Option<Vec<u8>>> {
+    let Some(around) = &scene.surroundings else { return Ok(None) };
+    let write = |sky: &Sky| {
+        // A solver without bounds may leave less than darkness, which nothing emits.
+        let lights = around.sky_of(further).iter().map(|color| color.map(|value| value.max(0.0)));
+        let found = Environment::lights(sky.basis.clone(), lights.collect())?;
+        write_environment(folder, "environment", &sky.basis, &found, around.sun_of(further), scene.exposure)
+    };
+    around.sky.as_ref().map(write).transpose()
+}
+
+fn preview(scene: &Scene, problem: &LightMapProblem, folder: &Folder, elements: &[Rgb]) -> Result<()> {
+    let [texels, _] = problem.parted(elements);
+    folder.write_picture("light_map", &light_map_picture(problem, texels)?, exposure_of(problem))?;
+    for (view, seen) in scene.views.iter().enumerate() {
+        let after = render(scene, &problem.maps, Some(elements), view)?.after;
+        folder.write_picture(&format!("{}_after", seen.name), &after, scene.exposure)?;
+    }
+    folder.publish()
+}
+
+fn light_map_picture(problem: &LightMapProblem, texels: &[Rgb]) -> Result<Image> {
+    Image::new(problem.maps.light_map.size, texels.to_vec())?.finite("the light map")
+}
+
+/// The coverage as a picture: the logarithm of diag(Tᵀ W T) over six decades, black where no ray arrives.
+fn coverage_picture(problem: &LightMapProblem, coverage: &CpuVector) -> Result<Image> {
+    let [texels, _] = problem.parted(&coverage.0);
+    let most = texels.iter().flatten().copied().fold(f32::MIN_POSITIVE, f32::max);
+    let shade =
+        |value: f32| if value > 0.0 { ((value / most).log10() / 6.0 + 1.0).clamp(0.05, 1.0) } else { 0.0 };
+    Image::new(problem.maps.light_map.size, texels.iter().map(|texel| texel.map(shade)).collect())
+}
+
+/// Stops that show the light's own radiance as a light grey, with room for what is brighter.
+fn exposure_of(problem: &LightMapProblem) -> f64 {
+    let brightest = problem.start.iter().copied().fold(0.0, f32::max);
+    if brightest > 0.0 { -(2.0 * f64::from(brightest)).log2() } else { 0.0 }
+}

@@ -1,0 +1,315 @@
+//! One job for all faces: from a scene to what was looked for in it, its pictures, and the files of the result.
+//!
+//! ```no_run
+//! use unscatter::job::{Job, Quiet};
+//!
+//! let found = Job::open("strokes/citadel.json")?.solve(&mut Quiet)?;
+//! let light_map = found.light_map()?;
+//! found.write("out/citadel")?;
+//! # Ok::<(), unscatter::Error>(())
+//! ```
+
+mod budget;
+mod checkpoint;
+mod compute;
+mod engine;
+mod environment;
+mod findings;
+mod folder;
+mod light_map;
+mod machine;
+mod matrix;
+mod observer;
+mod placement;
+mod plan;
+mod solution;
+mod steps;
+mod volume;
+
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::io::scene_file::{self, AnimatedVolume, Subject};
+use crate::io::volume::Format;
+use crate::problem::{fit, render};
+use crate::scene::{KeyFrame, Scene, VolumeScene};
+use crate::{Error, Result, io};
+
+pub(crate) use budget::{SHADOW_TEXEL, mebibytes, painted};
+#[cfg(feature = "gpu")]
+pub(crate) use compute::device;
+pub(crate) use engine::Engine;
+pub use engine::{Backend, EngineChoice};
+pub(crate) use folder::Folder;
+pub use machine::{default_budget, free_memory, peak_memory, processor};
+pub use matrix::Exported;
+pub use observer::{Iteration, Observer, Quiet, Step, Stop, Wish};
+use placement::Placement;
+pub use plan::{LightMapPlan, Plan};
+pub use solution::{Solution, Written};
+pub(crate) use steps::Steps;
+use steps::Timings;
+pub use volume::VolumePlan;
+pub(crate) use volume::problems;
+
+/// What a job starts from.
+#[derive(Debug, Clone)]
+pub enum Scenes {
+    /// Painted views of a sun in a homogeneous medium.
+    LightMap(Arc<Scene>),
+    /// A volume.
+    Volume(Arc<VolumeScene>),
+    /// A volume that changes from frame to frame.
+    Animation(Arc<AnimatedVolume>),
+}
+
+impl From<Scene> for Scenes {
+    fn from(scene: Scene) -> Self {
+        Self::LightMap(Arc::new(scene))
+    }
+}
+
+impl From<VolumeScene> for Scenes {
+    fn from(scene: VolumeScene) -> Self {
+        Self::Volume(Arc::new(scene))
+    }
+}
+
+impl From<AnimatedVolume> for Scenes {
+    fn from(animated: AnimatedVolume) -> Self {
+        Self::Animation(Arc::new(animated))
+    }
+}
+
+/// How a job is done, beside what its scene says.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// What computes.
+    pub engine: EngineChoice,
+    /// Bit-identical results in every run on graphics adapters, too, at a price; the processor always gives them.
+    pub deterministic: bool,
+    /// Find shadows and the depth behind painted pixels by a depth pass on the adapter instead of by rays.
+    pub rasterize: bool,
+    /// Where checkpoints and previews go while it runs; none: there are none.
+    pub folder: Option<PathBuf>,
+    /// Go on from the checkpoint in that folder.
+    pub resume: bool,
+    /// Whether the pictures of the views are drawn and written.
+    pub pictures: bool,
+    /// Pictures of a volume from all around.
+    pub turntable: usize,
+    /// What volumes are written as.
+    pub formats: Vec<Format>,
+    /// Frames of an animation that are drawn; all by default.
+    pub frames: Option<RangeInclusive<usize>>,
+    /// Whether the volumes of every frame are written, and not of the keys alone.
+    pub frame_volumes: bool,
+    /// Heard within an iteration, whoever asks.
+    pub stop: Stop,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            engine: EngineChoice::default(),
+            deterministic: false,
+            rasterize: false,
+            folder: None,
+            resume: false,
+            pictures: true,
+            turntable: 8,
+            formats: vec![Format::Npy, Format::Vdb],
+            frames: None,
+            frame_volumes: false,
+            stop: Stop::default(),
+        }
+    }
+}
+
+/// A scene, and how to find what is looked for in it.
+///
+/// A job owns all that it needs; nothing of it is shared with other jobs, and nothing is printed.
+#[derive(Debug, Clone)]
+pub struct Job {
+    scenes: Scenes,
+    options: Options,
+    /// Seconds that reading took.
+    timings: Timings,
+}
+
+impl Job {
+    /// Reads a scene file.
+    ///
+    /// Errors: those of [`scene_file::load`] and its siblings; [`crate::Error::TooLarge`] when what it describes alone exceeds the memory
+    /// that may be used, before any of it is made.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        Self::open_with(path, &[])
+    }
+
+    /// Reads a scene file, with values replaced: `PATH=VALUE`, such as `views[0].camera.fov=50`.
+    ///
+    /// Errors: as [`Self::open`]; [`crate::Error::Value`] for a path that names nothing.
+    pub fn open_with(path: impl AsRef<Path>, overrides: &[String]) -> Result<Self> {
+        let (path, clock) = (path.as_ref(), Instant::now());
+        let scenes: Scenes = match scene_file::subject(path)? {
+            Subject::LightMap => {
+                let scene = scene_file::load(path, overrides)?;
+                tracing::info!(name = scene.name, views = scene.views.len(), "scene");
+                budget::check_scene(&scene)?;
+                scene.into()
+            }
+            Subject::Volume => {
+                let scene = scene_file::load_volume(path, overrides)?;
+                tracing::info!(name = scene.name, views = scene.views.len(), "scene");
+                volume::check_scene(&scene)?;
+                scene.into()
+            }
+            Subject::Animation => {
+                let animated = scene_file::load_animation(path, overrides)?;
+                let keys = &animated.animation.keys;
+                tracing::info!(keys = keys.len(), frames = animated.animation.frames, "animation");
+                volume::check_keys(keys)?;
+                animated.into()
+            }
+        };
+        let reading = ("reading".to_owned(), clock.elapsed().as_secs_f64());
+        Ok(Self { timings: vec![reading], ..Self::new(scenes) })
+    }
+
+    /// From a scene that is there already.
+    pub fn new(scenes: impl Into<Scenes>) -> Self {
+        Self { scenes: scenes.into(), options: Options::default(), timings: Timings::new() }
+    }
+
+    /// The same with other options.
+    pub fn with(self, options: Options) -> Self {
+        Self { options, ..self }
+    }
+
+    /// What it starts from.
+    pub fn scenes(&self) -> &Scenes {
+        &self.scenes
+    }
+
+    /// The scene of a light map.
+    ///
+    /// Errors: [`Error::Empty`] where it is of a volume.
+    pub(crate) fn into_light_map(self) -> Result<Scene> {
+        let scene = match self.scenes {
+            Scenes::LightMap(scene) => Arc::into_inner(scene),
+            _ => None,
+        };
+        let reason = || "there is no scene of a light map".to_owned();
+        scene.ok_or_else(|| Error::Empty { reason: reason(), remedy: "give a scene without a volume" })
+    }
+
+    fn steps<'a>(&'a self, observer: &'a mut dyn Observer) -> Steps<'a> {
+        Steps::new(observer, &self.options.stop, self.timings.clone())
+    }
+
+    /// The volume scenes: one, or those of the key frames, with what the names of their files begin with.
+    pub(crate) fn volume_scenes(&self) -> Vec<(String, VolumeScene)> {
+        match &self.scenes {
+            Scenes::LightMap(_) => Vec::new(),
+            Scenes::Volume(scene) => vec![(String::new(), VolumeScene::clone(scene))],
+            Scenes::Animation(animated) => {
+                let named = |key: &KeyFrame| {
+                    let name = format!("{}, frame {}", key.scene.name, key.frame);
+                    (volume::of_frame("frame", key.frame), VolumeScene { name, ..key.scene.clone() })
+                };
+                animated.animation.keys.iter().map(named).collect()
+            }
+        }
+    }
+
+    /// What it would take, stage by stage and key by key, without doing it.
+    ///
+    /// Errors: [`crate::Error::TooLarge`] when it would not fit; those of making the problem.
+    pub fn plan(&self, observer: &mut impl Observer) -> Result<Vec<Plan>> {
+        let mut steps = self.steps(observer);
+        if let Scenes::LightMap(scene) = &self.scenes {
+            return Ok(vec![Plan::LightMap(plan::plan(scene, &mut steps)?)]);
+        }
+        let mut plans = Vec::new();
+        for (_, scene) in self.volume_scenes() {
+            plans.extend(volume::plans(&scene, &mut steps)?.into_iter().map(Plan::Volume));
+        }
+        Ok(plans)
+    }
+
+    /// Finds what is looked for. Who asks to stop is heard within an iteration, and what was computed is kept.
+    ///
+    /// Errors: [`crate::Error::Adapter`] where what should compute does not; [`crate::Error::TooLarge`]; [`crate::Error::Checkpoint`] where
+    /// there is none to go on from; [`crate::Error::File`] where the folder cannot be written.
+    pub fn solve(&self, observer: &mut impl Observer) -> Result<Solution> {
+        Solution::find(self, observer)
+    }
+
+    /// Draws the views as they are, under the light of the scene or under a light map from a file, and writes them to a folder; names the
+    /// files, as far as nobody stopped it.
+    ///
+    /// Errors: [`crate::Error::File`]; [`crate::Error::Format`] for a light map that cannot be read.
+    pub fn draw(
+        &self,
+        light_map: Option<&Path>,
+        folder: impl Into<PathBuf>,
+        observer: &mut impl Observer,
+    ) -> Result<Option<Vec<PathBuf>>> {
+        let (folder, mut steps) = (Folder::create(folder)?, self.steps(observer));
+        let mut names = Vec::new();
+        let is_whole = match &self.scenes {
+            Scenes::LightMap(scene) => draw(scene, light_map, &folder, &mut steps, &mut names)?,
+            _ => {
+                let mut is_whole = true;
+                for (prefix, scene) in &self.volume_scenes() {
+                    let turns = self.options.turntable;
+                    is_whole =
+                        is_whole && volume::draw(scene, prefix, turns, &folder, &mut steps, &mut names)?;
+                }
+                is_whole
+            }
+        };
+        if !is_whole {
+            return Ok(None);
+        }
+        folder.publish()?;
+        Ok(Some(names.into_iter().map(|name| folder.path().join(name)).collect()))
+    }
+
+    /// The matrix of its first problem with its right-hand side and start.
+    ///
+    /// Errors: [`crate::Error::Value`] where one matrix cannot hold three channels; [`crate::Error::TooLarge`].
+    pub fn matrix(&self, observer: &mut impl Observer) -> Result<Exported> {
+        matrix::of(self, &mut self.steps(observer))
+    }
+}
+
+/// The views of a light-map scene; false when somebody stopped it.
+fn draw(
+    scene: &Scene,
+    light_map: Option<&Path>,
+    folder: &Folder,
+    steps: &mut Steps<'_>,
+    names: &mut Vec<String>,
+) -> Result<bool> {
+    let (mut map, picture) = (scene.light_map.clone(), light_map.map(io::image::read_image).transpose()?);
+    if let (Some(path), Some(picture)) = (light_map, &picture) {
+        map.size = picture.size();
+        map.extent = Placement::beside(path)?.or(map.extent);
+    }
+    steps.begin("tracing", None);
+    let maps = fit(scene, &map)?;
+    steps.begin("rendering", Some(scene.views.len() as u64));
+    for (view, seen) in scene.views.iter().enumerate() {
+        if steps.stops() {
+            return Ok(false);
+        }
+        let texels = picture.as_ref().map(|picture| &picture.pixels[..]);
+        folder.write_picture(&seen.name, &render(scene, &maps, texels, view)?.after, scene.exposure)?;
+        names.push(format!("{}.png", seen.name));
+        steps.advance(view as u64 + 1, "");
+    }
+    Ok(true)
+}

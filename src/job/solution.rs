@@ -1,0 +1,221 @@
+//! What a job has found.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::engine::Engine;
+use super::folder::Folder;
+use super::light_map::{self, FoundLightMap};
+use super::observer::{Observer, Quiet};
+use super::steps::{Steps, Timings};
+use super::volume::{self, FoundAnimation, FoundVolume};
+use super::{Job, Options, Scenes};
+use crate::problem::{LightMapProblem, VolumeState, render};
+use crate::report::{self, Certificate, Coverage, Report};
+use crate::scene::{Image, Scene, VolumeScene};
+use crate::{Error, Result};
+
+/// What was looked for, as it was found.
+enum Found {
+    LightMap(Arc<Scene>, Box<FoundLightMap>),
+    Volume(Arc<VolumeScene>, Box<FoundVolume>),
+    Animation(Box<FoundAnimation>),
+}
+
+/// What a job has found: a light map or a volume, what it looks like, and how sure that is.
+pub struct Solution {
+    found: Found,
+    options: Options,
+    /// Where checkpoints went while it was looked for.
+    folder: Option<Folder>,
+    report: Report,
+    timings: Timings,
+}
+
+impl std::fmt::Debug for Solution {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Solution").field("report", &self.report).finish_non_exhaustive()
+    }
+}
+
+/// What was written of a solution.
+#[derive(Debug, Clone)]
+pub struct Written {
+    /// Where.
+    pub folder: PathBuf,
+    /// The numbers in it.
+    pub report: Report,
+    /// Whether somebody stopped the job before it was done.
+    pub is_interrupted: bool,
+}
+
+impl Solution {
+    pub(super) fn find(job: &Job, observer: &mut dyn Observer) -> Result<Self> {
+        let options = &job.options;
+        let mut engine = Engine::open(&options.engine, &options.stop)?;
+        let folder = options.folder.as_ref().map(Folder::create).transpose()?;
+        let mut steps = Steps::new(observer, &options.stop, job.timings.clone());
+        let found = match &job.scenes {
+            Scenes::LightMap(scene) => {
+                let found = light_map::solve(scene, options, &mut engine, folder.as_ref(), &mut steps)?;
+                Found::LightMap(scene.clone(), Box::new(found))
+            }
+            Scenes::Volume(scene) => {
+                let found = volume::solve(scene, options, &mut engine, folder.as_ref(), &mut steps)?;
+                Found::Volume(scene.clone(), Box::new(found))
+            }
+            Scenes::Animation(animated) => {
+                let found =
+                    volume::solve_keys(animated, options, &mut engine, folder.as_ref(), &mut steps)?;
+                Found::Animation(Box::new(found))
+            }
+        };
+        let timings = steps.finish();
+        let report = found.report(0, &timings)?;
+        Ok(Self { found, options: options.clone(), folder, report, timings })
+    }
+
+    /// The light map of a sun, row 0 its top edge as seen upright from the sun.
+    ///
+    /// Shapes  as `light_map.size` of the scene
+    /// Units   radiance over one steradian
+    /// Errors  [`Error::Empty`] where none was looked for
+    pub fn light_map(&self) -> Result<Image> {
+        match &self.found {
+            Found::LightMap(_, found) => found.light_map(),
+            _ => Err(Error::Empty {
+                reason: "no light map was looked for".to_owned(),
+                remedy: "solve a scene without a volume",
+            }),
+        }
+    }
+
+    /// The volume with what was found, and the light around it; of an animation that of its first key.
+    ///
+    /// Errors: [`Error::Empty`] where none was looked for.
+    pub fn volume(&self) -> Result<&VolumeState> {
+        let state = match &self.found {
+            Found::LightMap(..) => None,
+            Found::Volume(_, found) => Some(found.state()),
+            Found::Animation(found) => found.first().map(|key| &key.state),
+        };
+        state.ok_or_else(|| Error::Empty {
+            reason: "no volume was looked for".to_owned(),
+            remedy: "solve a scene with a volume",
+        })
+    }
+
+    /// The picture of a view under what was found, surfaces and all.
+    ///
+    /// Units   radiance
+    /// Errors  [`Error::Value`] for a view that the scene has not
+    pub fn picture(&self, view: &str) -> Result<Image> {
+        let unknown = || Error::value("view", view, "the name of one of the scene's views");
+        match &self.found {
+            Found::LightMap(scene, found) => {
+                let view = scene.views.iter().position(|seen| seen.name == view).ok_or_else(unknown)?;
+                match found.pictures.get(view) {
+                    Some(pictures) => Ok(pictures.after.clone()),
+                    None => {
+                        let LightMapProblem { maps, .. } = &found.problem;
+                        Ok(render(scene, maps, Some(&found.computed.solved.x), view)?.after)
+                    }
+                }
+            }
+            Found::Volume(scene, found) => {
+                let view = scene.views.iter().position(|seen| seen.view.name == view).ok_or_else(unknown)?;
+                found.picture(view).cloned().ok_or_else(unknown)
+            }
+            Found::Animation(found) => {
+                found.first().and_then(|key| key.picture(view)).cloned().ok_or_else(unknown)
+            }
+        }
+    }
+
+    /// What is left of the gradient, computed anew: how far this is from the least of all.
+    pub fn certificate(&self) -> &Certificate {
+        &self.report.certificate
+    }
+
+    /// How much of what was looked for any pixel tells of.
+    pub fn coverage(&self) -> &Coverage {
+        &self.report.coverage
+    }
+
+    /// All numbers.
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+
+    /// Whether somebody stopped the job before it was done.
+    pub fn is_interrupted(&self) -> bool {
+        match &self.found {
+            Found::LightMap(_, found) => found.is_interrupted(),
+            Found::Volume(_, found) => found.is_interrupted(),
+            Found::Animation(found) => found.is_interrupted(),
+        }
+    }
+
+    /// Writes all results into a folder, each whole or not at all; of an animation the frames are drawn now.
+    ///
+    /// Errors: [`Error::File`]; [`Error::NonFinite`].
+    pub fn write(&self, folder: impl AsRef<Path>) -> Result<Written> {
+        self.write_observed(folder, &mut Quiet)
+    }
+
+    /// The same, heard by an observer, who may stop it between frames.
+    pub fn write_observed(&self, path: impl AsRef<Path>, observer: &mut impl Observer) -> Result<Written> {
+        let (path, clock) = (path.as_ref(), Instant::now());
+        let made;
+        let folder = match &self.folder {
+            // Its last checkpoint is published with the results.
+            Some(folder) if folder.path() == path => folder,
+            _ => {
+                made = Folder::create(path)?;
+                &made
+            }
+        };
+        let mut steps = Steps::new(observer, &self.options.stop, self.timings.clone());
+        steps.begin("writing", None);
+        let (in_page, drawn) = self.found.write(&self.options, folder, &mut steps)?;
+        let is_interrupted = self.is_interrupted() || steps.stops();
+        let mut timings = steps.finish();
+        let total = self.total() + clock.elapsed().as_secs_f64();
+        timings.push(("total".to_owned(), total));
+        let report = self.found.report(drawn, &timings)?;
+        folder.write_bytes("report.json", report.to_json()?.as_bytes())?;
+        folder.write_bytes("report.html", report::html(&report, &in_page)?.as_bytes())?;
+        folder.publish()?;
+        Ok(Written { folder: path.to_owned(), report, is_interrupted })
+    }
+
+    /// Seconds until it was found.
+    fn total(&self) -> f64 {
+        self.timings.iter().map(|(_, seconds)| seconds).sum()
+    }
+}
+
+impl Found {
+    fn report(&self, drawn: usize, timings: &Timings) -> Result<Report> {
+        match self {
+            Self::LightMap(scene, found) => Ok(found.report(scene, timings)),
+            Self::Volume(scene, found) => Ok(found.report(scene, timings)),
+            Self::Animation(found) => found.report(drawn, timings),
+        }
+    }
+
+    /// Writes everything but the report; what of it the page shows, and how many frames were drawn.
+    fn write(
+        &self,
+        options: &Options,
+        folder: &Folder,
+        steps: &mut Steps<'_>,
+    ) -> Result<(report::Pictures, usize)> {
+        match self {
+            Self::LightMap(scene, found) => Ok((found.write(scene, folder)?, 0)),
+            Self::Volume(scene, found) => Ok((found.write(scene, options, folder)?, 0)),
+            Self::Animation(found) => found.write(options, folder, steps),
+        }
+    }
+}

@@ -1,0 +1,342 @@
+//! From key frames to all frames.
+
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+use super::super::engine::Engine;
+use super::super::environment::write_environment;
+use super::super::folder::Folder;
+use super::super::steps::{Steps, Timings};
+use super::super::{Options, machine};
+use super::findings::{Findings, matched};
+use super::stage::Place;
+use super::staging::{self, Distance, Outcome, distance, relative};
+use super::{memory, nothing_asked, pictures, results};
+use crate::io::scene_file::AnimatedVolume;
+use crate::io::volume::Format;
+use crate::problem::{Desired, Determined, Occupied, Optics, Spread, VolumeProblem, VolumeState};
+use crate::report::{self, AnimationRecord, Change, KeyRecord, Report};
+use crate::scene::{Between, Find, Image, VolumeScene};
+use crate::{Error, Result};
+
+/// Pictures in the strip of the report at most.
+const STRIP: usize = 12;
+
+/// What the files of a frame begin with.
+pub(crate) fn of_frame(kind: &str, frame: usize) -> String {
+    format!("{kind}_{frame:04}_")
+}
+
+/// The key frames of an animation that were solved, from which the others are drawn.
+pub(crate) struct FoundAnimation {
+    animated: Arc<AnimatedVolume>,
+    keys: Vec<SolvedKey>,
+    frames: Vec<usize>,
+    is_interrupted: bool,
+}
+
+/// Solves the key frames and spreads what they found.
+pub(in crate::job) fn solve_keys(
+    animated: &Arc<AnimatedVolume>,
+    options: &Options,
+    engine: &mut Engine,
+    folder: Option<&Folder>,
+    steps: &mut Steps<'_>,
+) -> Result<FoundAnimation> {
+    let frames = asked(options.frames.clone(), animated.animation.frames)?;
+    let mut keys = solve(animated, engine, options, folder, steps)?;
+    spread(&mut keys, animated, steps)?;
+    keys.iter_mut().try_for_each(|key| key.draw(steps))?;
+    let is_interrupted = steps.stops();
+    Ok(FoundAnimation { animated: animated.clone(), keys, frames, is_interrupted })
+}
+
+impl FoundAnimation {
+    pub(in crate::job) fn is_interrupted(&self) -> bool {
+        self.is_interrupted
+    }
+
+    /// The key of the least frame that was solved.
+    pub(in crate::job) fn first(&self) -> Option<&SolvedKey> {
+        self.keys.first()
+    }
+
+    /// Writes the keys, and draws and writes the frames between them; what of it the page shows, and how many frames there are.
+    pub(in crate::job) fn write(
+        &self,
+        options: &Options,
+        folder: &Folder,
+        steps: &mut Steps<'_>,
+    ) -> Result<(report::Pictures, usize)> {
+        let mut in_page = report::Pictures::default();
+        for key in &self.keys {
+            in_page.views.extend(key.write(folder, &options.formats)?);
+            folder.publish()?;
+        }
+        let film = Film { animated: &self.animated, keys: &self.keys, folder, options };
+        let drawn = film.draw(&self.frames, &mut in_page.frames, steps)?;
+        Ok((in_page, drawn))
+    }
+
+    pub(in crate::job) fn report(&self, drawn: usize, timings: &Timings) -> Result<Report> {
+        report(&self.animated, &self.keys, drawn, timings)
+    }
+}
+
+/// The frames that are to be drawn.
+fn asked(frames: Option<RangeInclusive<usize>>, count: usize) -> Result<Vec<usize>> {
+    let frames = frames.unwrap_or(0..=count.saturating_sub(1));
+    if *frames.end() >= count {
+        let given = format!("{}..{}", frames.start(), frames.end());
+        return Err(Error::value(
+            "--frames",
+            given,
+            "within the frames of the animation, which begin with 0",
+        ));
+    }
+    Ok(frames.collect())
+}
+
+/// A key frame that was solved.
+pub(in crate::job) struct SolvedKey {
+    animated: Arc<AnimatedVolume>,
+    index: usize,
+    frame: usize,
+    pub(in crate::job) state: VolumeState,
+    optics: Optics,
+    desired: Vec<Desired>,
+    before: Vec<Image>,
+    after: Vec<Image>,
+    distances: [Distance; 2],
+    determined: Vec<Determined>,
+    spread: Spread,
+    /// Of this key alone, before anything was spread.
+    report: Report,
+}
+
+/// Solves the keys in turn, each as `volume` would; after Ctrl-C those that were begun.
+fn solve(
+    animated: &Arc<AnimatedVolume>,
+    engine: &mut Engine,
+    options: &Options,
+    folder: Option<&Folder>,
+    steps: &mut Steps<'_>,
+) -> Result<Vec<SolvedKey>> {
+    let mut keys = Vec::new();
+    for (index, key) in animated.animation.keys.iter().enumerate() {
+        steps.within(format!("frame {}", key.frame));
+        let prefix = of_frame("key", key.frame);
+        let place = Place { options, folder, prefix: &prefix, is_later: index > 0 };
+        let outcome = staging::run(&key.scene, engine, place, steps)?;
+        // Its checkpoint.
+        folder.map_or(Ok(()), Folder::publish)?;
+        let is_interrupted = outcome.is_interrupted();
+        let report = Findings { scene: &key.scene, outcome: &outcome }.report(&Vec::new());
+        // The rows are not needed any more.
+        let Outcome { state, optics, desired, before, after, distances, determined, .. } = outcome;
+        keys.push(SolvedKey {
+            animated: animated.clone(),
+            index,
+            frame: key.frame,
+            state,
+            optics,
+            desired,
+            before,
+            after,
+            distances,
+            determined,
+            spread: Spread::default(),
+            report,
+        });
+        if is_interrupted {
+            break;
+        }
+    }
+    steps.within(String::new());
+    Ok(keys)
+}
+
+/// Spreads what each key found to where any frame has extinction.
+fn spread(keys: &mut [SolvedKey], animated: &AnimatedVolume, steps: &mut Steps<'_>) -> Result<()> {
+    let Some(first) = keys.first() else { return Ok(()) };
+    steps.begin("diffusing", Some(keys.len() as u64));
+    let mut occupied = Occupied::at(*first.state.medium.extinction.grid(), &animated.occupied);
+    keys.iter().try_for_each(|key| occupied.add(&key.state.medium.extinction))?;
+    memory::check_spread(first.scene(), occupied.len())?;
+    for (index, key) in keys.iter_mut().enumerate() {
+        (key.state, key.spread) = key.state.spread(&key.determined, &occupied)?;
+        steps.advance(index as u64 + 1, "");
+    }
+    Ok(())
+}
+
+impl SolvedKey {
+    fn scene(&self) -> &VolumeScene {
+        &self.animated.animation.keys[self.index].scene
+    }
+
+    /// The picture of a view.
+    pub(in crate::job) fn picture(&self, view: &str) -> Option<&Image> {
+        let index = self.scene().views.iter().position(|seen| seen.view.name == view)?;
+        self.after.get(index)
+    }
+
+    /// The pictures of what was found and spread.
+    fn draw(&mut self, steps: &mut Steps<'_>) -> Result<()> {
+        steps.within(format!("frame {}", self.frame));
+        self.after = draw(self.scene(), &self.state, &self.optics, steps)?;
+        self.distances[1] = distance(&self.desired, &self.after);
+        steps.within(String::new());
+        Ok(())
+    }
+
+    /// Writes what was found, and the pictures of the key.
+    fn write(&self, folder: &Folder, formats: &[Format]) -> Result<Vec<report::ViewPictures>> {
+        let prefix = of_frame("key", self.frame);
+        results::write_volumes(folder, &prefix, &self.scene().stages, &self.state.medium, formats)?;
+        if self.scene().stages.contains(&Find::Environment) {
+            let (name, scene) = (format!("{prefix}environment"), self.scene());
+            let (basis, found) = (&scene.light_basis, &self.state.environment);
+            write_environment(folder, &name, basis, found, None, scene.exposure)?;
+        }
+        let mut views =
+            results::write_views(folder, &prefix, self.scene(), &self.desired, &self.before, &self.after)?;
+        views.iter_mut().for_each(|view| view.name = self.named(&view.name));
+        Ok(views)
+    }
+
+    /// What a view at this key is called in the report.
+    fn named(&self, view: &str) -> String {
+        format!("{view}, frame {}", self.frame)
+    }
+}
+
+/// The pictures of all views of a state.
+fn draw(
+    scene: &VolumeScene,
+    state: &VolumeState,
+    optics: &Optics,
+    steps: &mut Steps<'_>,
+) -> Result<Vec<Image>> {
+    let last = *scene.stages.last().ok_or_else(nothing_asked)?;
+    pictures(scene, &state.medium, optics, VolumeProblem::model(scene, last), steps)
+}
+
+/// What frames are drawn from.
+struct Film<'a> {
+    animated: &'a AnimatedVolume,
+    keys: &'a [SolvedKey],
+    folder: &'a Folder,
+    options: &'a Options,
+}
+
+impl Film<'_> {
+    /// Draws and writes frames, and puts some of them into the strip; after Ctrl-C only keys. Says how many there are.
+    fn draw(
+        &self,
+        frames: &[usize],
+        strip: &mut Vec<(u64, Vec<u8>)>,
+        steps: &mut Steps<'_>,
+    ) -> Result<usize> {
+        let every = frames.len().div_ceil(STRIP).max(1);
+        let mut drawn = 0;
+        for (index, &frame) in frames.iter().enumerate() {
+            steps.within(format!("frame {frame} of {}", self.animated.animation.frames));
+            let Some((state, pictures)) = self.frame(frame, steps)? else { continue };
+            self.write(frame, &state, &pictures)?;
+            drawn += 1;
+            if index % every == 0
+                && let Some(picture) = pictures.first()
+            {
+                let small = results::small_png(picture, self.keys[0].scene().exposure)?;
+                strip.push((frame as u64, small));
+            }
+        }
+        steps.within(String::new());
+        Ok(drawn)
+    }
+
+    /// A frame between keys, and its pictures; none where it is not to be had any more.
+    fn frame(&self, frame: usize, steps: &mut Steps<'_>) -> Result<Option<(VolumeState, Vec<Image>)>> {
+        if let Some(key) = self.keys.iter().find(|key| key.frame == frame) {
+            return Ok(Some((key.state.clone(), key.after.clone())));
+        }
+        if steps.stops() {
+            return Ok(None);
+        }
+        let frames: Vec<usize> = self.keys.iter().map(|key| key.frame).collect();
+        let Between { keys, share } = Between::of(&frames, frame);
+        let [from, to] = keys.map(|key| &self.keys[key]);
+        let mut state = from.state.blended(&to.state, share)?;
+        if let Some(extinction) = self.animated.extinction(frame)? {
+            state.medium.extinction = extinction.into();
+        }
+        steps.begin("lighting", None);
+        let optics = Optics::new(from.scene(), &state)?;
+        let pictures = draw(from.scene(), &state, &optics, steps)?;
+        Ok(Some((state, pictures)))
+    }
+
+    fn write(&self, frame: usize, state: &VolumeState, pictures: &[Image]) -> Result<()> {
+        let (prefix, scene) = (of_frame("frame", frame), self.keys[0].scene());
+        for (view, picture) in scene.views.iter().zip(pictures) {
+            let name = format!("{prefix}{}", view.view.name);
+            self.folder.write_picture(&name, picture, scene.exposure)?;
+        }
+        if self.options.frame_volumes {
+            let finds = [&scene.stages[..], &[Find::Extinction]].concat();
+            results::write_volumes(self.folder, &prefix, &finds, &state.medium, &self.options.formats)?;
+        }
+        self.folder.publish()
+    }
+}
+
+/// The report of all keys: the numbers of the last one, with what can be said of all together.
+fn report(
+    animated: &AnimatedVolume,
+    keys: &[SolvedKey],
+    drawn: usize,
+    timings: &Timings,
+) -> Result<Report> {
+    let (mut stages, mut views, mut records) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut sums, mut adjoint_error) = ([[0.0; 2]; 2], 0.0f64);
+    for key in keys {
+        let [before, after] = &key.distances;
+        for mut stage in key.report.stages.clone() {
+            stage.frame = Some(key.frame as u64);
+            stages.push(stage);
+        }
+        for mut view in matched(key.scene(), &key.desired, [before, after]) {
+            view.view = key.named(&view.view);
+            views.push(view);
+        }
+        for (sum, distance) in sums.iter_mut().zip(&key.distances) {
+            (0..2).for_each(|k| sum[k] += distance.sums[k]);
+        }
+        adjoint_error = adjoint_error.max(key.report.adjoint_error);
+        records.push(KeyRecord {
+            frame: key.frame as u64,
+            weighted_residual: Change { before: before.all, after: after.all },
+            spread_voxels: key.spread.voxels as u64,
+            spread_iterations: key.spread.iterations as u64,
+        });
+    }
+    let mut report = keys.last().ok_or_else(nothing_asked)?.report.clone();
+    report.memory.extend(machine::peak_memory().map(|peak| ("peak".to_owned(), peak)));
+    let [before, after] = sums.map(relative);
+    Ok(Report {
+        command: "animate".to_owned(),
+        weighted_residual: Change { before, after },
+        matched: views,
+        stages,
+        adjoint_error,
+        timings: timings.iter().cloned().collect(),
+        animation: Some(AnimationRecord {
+            frames: animated.animation.frames as u64,
+            drawn: drawn as u64,
+            between: animated.between.to_owned(),
+            keys: records,
+        }),
+        ..report
+    })
+}

@@ -1,0 +1,167 @@
+//! From pictures to a volume, and to its light.
+
+mod animate;
+mod findings;
+mod memory;
+mod plan;
+mod results;
+mod stage;
+mod staging;
+mod turntable;
+
+use super::Options;
+use super::engine::Engine;
+use super::environment::write_environment;
+use super::folder::Folder;
+use super::steps::{Steps, Timings};
+use crate::problem::{Desired, Model, Optics, VolumeProblem, VolumeRenderer, VolumeState};
+use crate::report::{self, Report};
+use crate::scene::{Find, Image, VolumeMedium, VolumeScene};
+use crate::{Error, Result};
+use findings::Findings;
+use stage::Place;
+use staging::Outcome;
+
+pub(super) use animate::{FoundAnimation, solve_keys};
+pub(crate) use animate::of_frame;
+pub(super) use memory::{check_keys, check_scene};
+pub(super) use memory::budget as stage_budget;
+pub use plan::VolumePlan;
+pub(super) use plan::plans;
+
+/// A volume that was found, and all there is to know about it.
+pub(crate) struct FoundVolume {
+    outcome: Outcome,
+    turns: Vec<Image>,
+}
+
+/// Finds what a scene asks for, stage by stage; checkpoints and previews go to the folder, if there is one.
+pub(super) fn solve(
+    scene: &VolumeScene,
+    options: &Options,
+    engine: &mut Engine,
+    folder: Option<&Folder>,
+    steps: &mut Steps<'_>,
+) -> Result<FoundVolume> {
+    let place = Place { options, folder, prefix: "", is_later: false };
+    let outcome = staging::run(scene, engine, place, steps)?;
+    steps.begin("turning", None);
+    let model = VolumeProblem::model(scene, outcome.last.find);
+    let renderer = VolumeRenderer::new(scene, &outcome.state.medium, &outcome.optics, model);
+    let turns = if options.pictures { options.turntable } else { 0 };
+    let turns = turntable::pictures(&renderer, scene, turns, steps)?;
+    Ok(FoundVolume { outcome, turns })
+}
+
+impl FoundVolume {
+    pub(super) fn is_interrupted(&self) -> bool {
+        self.outcome.is_interrupted()
+    }
+
+    pub(super) fn state(&self) -> &VolumeState {
+        &self.outcome.state
+    }
+
+    /// The picture of a view, by its number.
+    pub(super) fn picture(&self, view: usize) -> Option<&Image> {
+        self.outcome.after.get(view)
+    }
+
+    pub(super) fn report(&self, scene: &VolumeScene, timings: &Timings) -> Report {
+        Findings { scene, outcome: &self.outcome }.report(timings)
+    }
+
+    /// Writes everything but the report; what of it the page shows.
+    pub(super) fn write(
+        &self,
+        scene: &VolumeScene,
+        options: &Options,
+        folder: &Folder,
+    ) -> Result<report::Pictures> {
+        let Outcome { state, desired, before, after, .. } = &self.outcome;
+        results::write_volumes(folder, "", &scene.stages, &state.medium, &options.formats)?;
+        let environment = match scene.stages.contains(&Find::Environment) {
+            true => {
+                let (basis, found) = (&scene.light_basis, &state.environment);
+                Some(write_environment(folder, "environment", basis, found, None, scene.exposure)?)
+            }
+            false => None,
+        };
+        let views = match options.pictures {
+            true => results::write_views(folder, "", scene, desired, before, after)?,
+            false => Vec::new(),
+        };
+        Ok(report::Pictures {
+            views,
+            turntable: results::write_turntable(folder, "", &self.turns, scene.exposure)?,
+            environment,
+            ..report::Pictures::default()
+        })
+    }
+}
+
+/// Draws the views of a scene as they are and a turn around it; false when somebody stopped it.
+pub(super) fn draw(
+    scene: &VolumeScene,
+    prefix: &str,
+    turns: usize,
+    folder: &Folder,
+    steps: &mut Steps<'_>,
+    written: &mut Vec<String>,
+) -> Result<bool> {
+    steps.begin("lighting", None);
+    let optics = Optics::new(scene, &VolumeState::of(scene)?)?;
+    let last = *scene.stages.last().ok_or_else(nothing_asked)?;
+    let renderer = VolumeRenderer::new(scene, &scene.medium, &optics, VolumeProblem::model(scene, last));
+    steps.begin("rendering", Some(scene.views.len() as u64));
+    for (view, seen) in scene.views.iter().enumerate() {
+        if steps.stops() {
+            return Ok(false);
+        }
+        let name = format!("{prefix}{}", seen.view.name);
+        folder.write_picture(&name, &renderer.picture(view)?, scene.exposure)?;
+        written.push(format!("{name}.png"));
+        steps.advance(view as u64 + 1, "");
+    }
+    let turns = turntable::pictures(&renderer, scene, turns, steps)?;
+    results::write_turntable(folder, prefix, &turns, scene.exposure)?;
+    written.extend((0..turns.len()).map(|index| format!("{prefix}turntable_{index:03}.png")));
+    Ok(true)
+}
+
+/// The problems of a scene's stages, each from the scene's own medium.
+pub(crate) fn problems(scene: &VolumeScene, steps: &mut Steps<'_>) -> Result<Vec<(Find, VolumeProblem)>> {
+    let first = *scene.stages.first().ok_or_else(nothing_asked)?;
+    steps.begin("lighting", None);
+    let optics = Optics::new(scene, &VolumeState::of(scene)?)?;
+    let renderer = VolumeRenderer::new(scene, &scene.medium, &optics, VolumeProblem::model(scene, first));
+    let desired = Desired::of(scene, &|view| renderer.picture(view))?;
+    steps.begin("tracing", None);
+    let problem = |&find: &Find| {
+        memory::check_light(scene, &optics, find)?;
+        Ok((find, VolumeProblem::new(scene, &scene.medium, &optics, &desired, find)?))
+    };
+    scene.stages.iter().map(problem).collect()
+}
+
+/// The pictures of all views.
+pub(super) fn pictures(
+    scene: &VolumeScene,
+    medium: &VolumeMedium,
+    optics: &Optics,
+    model: Model,
+    steps: &mut Steps<'_>,
+) -> Result<Vec<Image>> {
+    steps.begin("rendering", Some(scene.views.len() as u64));
+    let renderer = VolumeRenderer::new(scene, medium, optics, model);
+    let draw = |view: usize| {
+        let picture = renderer.picture(view)?;
+        steps.advance(view as u64 + 1, "");
+        Ok(picture)
+    };
+    (0..scene.views.len()).map(draw).collect()
+}
+
+fn nothing_asked() -> Error {
+    Error::Empty { reason: "nothing is looked for".to_owned(), remedy: "say what to `find`" }
+}

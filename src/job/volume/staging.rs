@@ -1,0 +1,251 @@
+//! One stage after the other, each with what was found before.
+
+use super::super::engine::Engine;
+use super::super::steps::Steps;
+use super::findings::record;
+use super::stage::{Place, Stage, Task};
+use super::{nothing_asked, pictures};
+use crate::Result;
+use crate::problem::{Desired, Determined, Model, Optics, VolumeProblem, VolumeState};
+use crate::report::StageRecord;
+use crate::scene::{Find, Image, Rgb, VolumeScene};
+use crate::solve::StopReason;
+
+/// A round that brings the pictures nearer by less than this share of their distance is the last one.
+const LEAST_GAIN: f64 = 1e-3;
+/// How often a step of Gauss–Newton is halved before it counts as leading nowhere.
+const MOST_HALVINGS: i32 = 7;
+
+/// How far the pictures are from what is wanted: view by view, and all together.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Distance {
+    pub(super) views: Vec<f64>,
+    pub(super) all: f64,
+    /// Σ w ‖L − L*‖² and Σ w ‖L*‖², of all views.
+    pub(super) sums: [f64; 2],
+}
+
+/// What the stages of a scene have come to.
+pub(super) struct Outcome {
+    pub(super) state: VolumeState,
+    pub(super) optics: Optics,
+    pub(super) desired: Vec<Desired>,
+    /// The pictures before the first stage, and after the last.
+    pub(super) before: Vec<Image>,
+    pub(super) after: Vec<Image>,
+    pub(super) distances: [Distance; 2],
+    /// The voxels that were found.
+    pub(super) determined: Vec<Determined>,
+    /// Each stage in a few numbers, and the last one whole.
+    pub(super) records: Vec<StageRecord>,
+    pub(super) last: Stage,
+}
+
+impl Outcome {
+    pub(super) fn is_interrupted(&self) -> bool {
+        self.last.is_interrupted()
+    }
+}
+
+/// Solves a scene's stages in turn, and again for as many rounds as it asks for, while the pictures come nearer.
+///
+/// In rounds every stage is pulled to where it starts, so it cannot end farther from the targets than it began; what rounding
+/// makes of that is not taken.
+pub(super) fn run(
+    scene: &VolumeScene,
+    engine: &mut Engine,
+    place: Place,
+    steps: &mut Steps<'_>,
+) -> Result<Outcome> {
+    let mut course = Course::begin(scene, engine, place, steps)?;
+    'rounds: for round in 0..scene.rounds {
+        let at_start = course.now.all;
+        for &find in &scene.stages {
+            course.look_under(VolumeProblem::model(scene, find))?;
+            match find {
+                Find::Refinement => course.refine()?,
+                _ => course.take(find, round)?,
+            }
+            if course.last.as_ref().is_some_and(Stage::is_interrupted) {
+                break 'rounds;
+            }
+        }
+        if at_start - course.now.all <= LEAST_GAIN * at_start {
+            break;
+        }
+    }
+    course.end()
+}
+
+/// Stages on their way.
+struct Course<'a, 's> {
+    scene: &'a VolumeScene,
+    engine: &'a mut Engine,
+    place: Place<'a>,
+    steps: &'a mut Steps<'s>,
+    desired: Vec<Desired>,
+    state: VolumeState,
+    optics: Optics,
+    /// The pictures at the beginning, and as they are, under what model of light.
+    before: Vec<Image>,
+    after: Vec<Image>,
+    drawn: Model,
+    /// How far they are from what is wanted.
+    first: Distance,
+    now: Distance,
+    determined: Vec<Determined>,
+    records: Vec<StageRecord>,
+    last: Option<Stage>,
+}
+
+impl<'a, 's> Course<'a, 's> {
+    fn begin(
+        scene: &'a VolumeScene,
+        engine: &'a mut Engine,
+        place: Place<'a>,
+        steps: &'a mut Steps<'s>,
+    ) -> Result<Self> {
+        steps.begin("lighting", None);
+        let state = VolumeState::of(scene)?;
+        let optics = Optics::new(scene, &state)?;
+        let drawn = VolumeProblem::model(scene, *scene.stages.first().ok_or_else(nothing_asked)?);
+        let before = pictures(scene, &state.medium, &optics, drawn, steps)?;
+        let desired = Desired::of(scene, &|view| Ok(before[view].clone()))?;
+        let first = distance(&desired, &before);
+        Ok(Self {
+            scene,
+            engine,
+            place,
+            steps,
+            desired,
+            state,
+            optics,
+            after: before.clone(),
+            before,
+            drawn,
+            now: first.clone(),
+            first,
+            determined: Vec::new(),
+            records: Vec::new(),
+            last: None,
+        })
+    }
+
+    fn end(self) -> Result<Outcome> {
+        let Self { state, optics, desired, before, after, determined, records, .. } = self;
+        let last = self.last.ok_or_else(nothing_asked)?;
+        let distances = [self.first, self.now];
+        Ok(Outcome { state, optics, desired, before, after, distances, determined, records, last })
+    }
+
+    /// Draws the pictures under another model of light.
+    fn look_under(&mut self, model: Model) -> Result<()> {
+        if model != self.drawn {
+            self.after = pictures(self.scene, &self.state.medium, &self.optics, model, self.steps)?;
+            (self.drawn, self.now) = (model, distance(&self.desired, &self.after));
+        }
+        Ok(())
+    }
+
+    /// Looks for one property, and takes what is found.
+    fn take(&mut self, find: Find, round: usize) -> Result<()> {
+        let stage = self.solve(find)?;
+        let view = self.view(find, &stage.state)?;
+        // In rounds nothing is taken that is farther away.
+        let is_taken = self.scene.rounds == 1 || view.distance.all <= self.now.all;
+        let reached = if is_taken { view.distance.all } else { self.now.all };
+        self.records.push(record(&stage, round, is_taken, [self.now.all, reached]));
+        if is_taken {
+            self.put(&stage, stage.state.clone(), view);
+        }
+        self.last = Some(stage);
+        Ok(())
+    }
+
+    /// Takes steps of Gauss–Newton, each as far as the pictures come nearer: whole, or halved again and again.
+    fn refine(&mut self) -> Result<()> {
+        for step in 0..self.scene.extinction.steps {
+            let stage = self.solve(Find::Refinement)?;
+            let before = self.now.all;
+            let is_taken = self.go_along(&stage)?;
+            self.records.push(record(&stage, step, is_taken, [before, self.now.all]));
+            let is_last = stage.is_interrupted() || before - self.now.all <= LEAST_GAIN * before;
+            self.last = Some(stage);
+            if is_last {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes as much of a step as brings the pictures nearer, if any does.
+    fn go_along(&mut self, stage: &Stage) -> Result<bool> {
+        let (from, to) = (&stage.problem.start, &stage.trial.solved.x);
+        for halvings in 0..MOST_HALVINGS {
+            let share = 0.5f32.powi(halvings);
+            let part =
+                |(from, to): (&Rgb, &Rgb)| std::array::from_fn(|c| from[c] + share * (to[c] - from[c]));
+            let x: Vec<Rgb> = from.iter().zip(to).map(part).collect();
+            let state = stage.problem.apply(&self.state, &x)?;
+            let view = self.view(stage.find, &state)?;
+            if view.distance.all < self.now.all {
+                self.put(stage, state, view);
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn solve(&mut self, find: Find) -> Result<Stage> {
+        let Self { scene, engine, place, steps, desired, state, optics, .. } = self;
+        Task { scene, state, optics, desired, find }.solve(engine, *place, steps)
+    }
+
+    /// What a state shows that differs from the one there is by what was looked for.
+    fn view(&mut self, find: Find, state: &VolumeState) -> Result<View> {
+        // Emission and albedo change nothing about how light comes through.
+        let optics = match find {
+            Find::Extinction | Find::Refinement | Find::Environment => {
+                self.steps.begin("lighting", None);
+                Optics::new(self.scene, state)?
+            }
+            Find::Emission | Find::Albedo | Find::Joint => self.optics.clone(),
+        };
+        let pictures = pictures(self.scene, &state.medium, &optics, self.drawn, self.steps)?;
+        Ok(View { distance: distance(&self.desired, &pictures), optics, pictures })
+    }
+
+    /// Takes a state that a stage has found.
+    fn put(&mut self, stage: &Stage, state: VolumeState, view: View) {
+        let found = Determined::by(&stage.problem, &stage.trial.solved.columns);
+        self.determined.retain(|old| found.iter().all(|new| new.property != old.property));
+        self.determined.extend(found);
+        (self.state, self.optics, self.after, self.now) = (state, view.optics, view.pictures, view.distance);
+    }
+}
+
+/// A state's light, its pictures, and how far they are from what is wanted.
+struct View {
+    optics: Optics,
+    pictures: Vec<Image>,
+    distance: Distance,
+}
+
+pub(super) fn distance(desired: &[Desired], pictures: &[Image]) -> Distance {
+    let (views, sums): (Vec<f64>, Vec<[f64; 2]>) =
+        desired.iter().zip(pictures).map(|(desired, picture)| desired.residual(picture)).unzip();
+    let sums = sums.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+    Distance { views, all: relative(sums), sums }
+}
+
+/// √(Σ w ‖L − L*‖² / Σ w ‖L*‖²).
+pub(super) fn relative([miss, all]: [f64; 2]) -> f64 {
+    if all > 0.0 { (miss / all).sqrt() } else { 0.0 }
+}
+
+impl Stage {
+    /// Whether it was stopped by a person.
+    pub(super) fn is_interrupted(&self) -> bool {
+        self.trial.solved.outcome.stop.reason == StopReason::Interrupted
+    }
+}

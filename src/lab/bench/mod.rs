@@ -1,0 +1,252 @@
+//! Run time against error.
+
+mod cases;
+mod counts;
+mod laws;
+mod log;
+mod measure;
+mod reference;
+mod scaling;
+mod skipping;
+mod subject;
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use crate::Result;
+use crate::job::{Backend, Engine, EngineChoice, Folder, Observer, Step, Stop, processor};
+use crate::report::bench::{self as report, Held, Record, Skipped, Sweep};
+use cases::{Between, Case, Place, cases};
+pub use cases::Level;
+use counts::Counts;
+pub(crate) use counts::LEFT_OUT;
+use log::Log;
+use measure::{Bench, Patience};
+use reference::Sample;
+use scaling::Scaling;
+use skipping::Comparison;
+use subject::Source;
+
+/// Rows of a sample where nothing is said, and in a hurry.
+const ROWS: usize = 1024;
+const FEW_ROWS: usize = 256;
+
+/// How long is measured.
+fn patience(level: Level, stop: &Stop) -> Patience {
+    match level {
+        Level::Quick => Patience {
+            stop: stop.clone(),
+            repetitions: [2, 9],
+            repeating: Duration::from_millis(20),
+            solving: Duration::from_secs(1),
+            iterations: 300,
+        },
+        Level::Usual | Level::All => Patience {
+            stop: stop.clone(),
+            repetitions: [3, 31],
+            repeating: Duration::from_millis(100),
+            solving: Duration::from_secs(5),
+            iterations: 2000,
+        },
+    }
+}
+
+/// What was measured of all scenes.
+#[derive(Default)]
+struct Found {
+    records: Vec<Record>,
+    scaling: Vec<Sweep>,
+    skipping: Vec<Skipped>,
+}
+
+/// What is measured.
+#[derive(Debug)]
+pub struct Benchmark {
+    /// Scene files; two small scenes that the library knows by heart when there is none.
+    pub scenes: Vec<PathBuf>,
+    /// How many of the cases.
+    pub level: Level,
+    /// Rows that are sampled of each scene at most.
+    pub rows: Option<usize>,
+    /// Leaves out how cost grows, and what skipping saves.
+    pub only_cases: bool,
+    /// Goes on after the last case in `records.jsonl` of the folder.
+    pub resume: bool,
+    /// Counts of an earlier run that must not rise.
+    pub counts: Option<PathBuf>,
+    /// What computes, beside the processor.
+    pub engine: EngineChoice,
+    /// What to say that it was asked for by.
+    pub command: String,
+    /// Where results go.
+    pub folder: PathBuf,
+    /// Ends it between measurements.
+    pub stop: Stop,
+}
+
+impl Benchmark {
+    /// Every case of every scene, and what follows from them, written to the folder; and how many cases were taken from an earlier run.
+    ///
+    /// Errors: those of scenes and of the engine; [`crate::Error::File`].
+    pub fn run(&self, observer: &mut impl Observer) -> Result<(report::Bench, usize)> {
+        let sources = match self.scenes.is_empty() {
+            true => Source::known(),
+            false => self.scenes.iter().cloned().map(Source::File).collect(),
+        };
+        let rows = self.rows.unwrap_or(if self.level == Level::Quick { FEW_ROWS } else { ROWS });
+        // Whatever is wrong with a scene is said before anything is measured.
+        for source in &sources {
+            source.load(&[])?;
+        }
+        let before = self.counts.as_deref().map(counts::read).transpose()?;
+        let engine = Engine::open(&self.engine, &self.stop)?;
+        let session = Session {
+            asked: self,
+            rows,
+            places: places(&engine, self.engine.backend),
+            bench: Bench {
+                patience: patience(self.level, &self.stop),
+                #[cfg(feature = "gpu")]
+                gpu: engine.gpu().cloned(),
+            },
+        };
+        let folder = Folder::create(&self.folder)?;
+        let kind = format!("{:016x}", fingerprint(&sources, &session)?);
+        let mut log = Log::open(folder.path(), &kind, self.resume, &self.stop)?;
+        let mut found = Found::default();
+        for source in sources.iter().take_while(|_| !self.stop.is_asked()) {
+            session.scene(source, &mut log, observer, &mut found)?;
+        }
+        observer.begins(&Step { name: "writing", within: "", parts: None });
+        let bench = session.findings(found, &engine, before.as_deref().unwrap_or_default());
+        folder.write_bytes("bench.json", bench.to_json()?.as_bytes())?;
+        folder.write_bytes("bench.csv", report::csv(&bench.records)?.as_bytes())?;
+        folder.write_bytes("counts.csv", counts::table(&bench.records)?.as_bytes())?;
+        folder.write_bytes("bench.html", report::page(&bench)?.as_bytes())?;
+        folder.publish()?;
+        Ok((bench, log.taken))
+    }
+}
+
+/// A benchmark on its way.
+struct Session<'a> {
+    asked: &'a Benchmark,
+    rows: usize,
+    places: Vec<Place>,
+    bench: Bench,
+}
+
+impl Session<'_> {
+    fn scene(
+        &self,
+        source: &Source,
+        log: &mut Log,
+        observer: &mut dyn Observer,
+        found: &mut Found,
+    ) -> Result<()> {
+        let stop = &self.asked.stop;
+        let name = source.name();
+        let mut samples: [Option<Sample>; 2] = [None, None];
+        // A scene is only made when something of it is not known yet.
+        let sample = |samples: &mut [Option<Sample>; 2], between: Between| -> Result<()> {
+            let place = &mut samples[between as usize];
+            if place.is_none() {
+                *place = Some(Sample::new(source.load(&[])?, between, self.rows, stop)?);
+            }
+            Ok(())
+        };
+        let marches = source.load(&[])?.can_march();
+        let all = cases(self.asked.level, &self.places, marches);
+        observer.begins(&Step { name: &name, within: "", parts: Some(all.len() as u64) });
+        for (index, case) in all.iter().enumerate() {
+            if stop.is_asked() {
+                return Ok(());
+            }
+            observer.advances(index as u64, &case.name());
+            let record = log.once(&format!("{name}/{}", case.name()), || {
+                sample(&mut samples, case.between)?;
+                match &samples[case.between as usize] {
+                    Some(sample) => self.bench.measure(&name, case, sample),
+                    None => Ok(None),
+                }
+            })?;
+            found.records.extend(record.flatten());
+        }
+        if self.asked.only_cases || stop.is_asked() {
+            return Ok(());
+        }
+        let skipping = log.once(&format!("{name}/skipping"), || {
+            sample(&mut samples, Between::Linear)?;
+            match &samples[Between::Linear as usize] {
+                Some(sample) => {
+                    Comparison { patience: &self.bench.patience, source, sample, rows: self.rows }.run()
+                }
+                None => Ok(Vec::new()),
+            }
+        })?;
+        found.skipping.extend(skipping.unwrap_or_default());
+        let quick = self.asked.level == Level::Quick;
+        let scaling = Scaling { patience: self.bench.patience.clone(), source, quick };
+        let mut begin =
+            |over: &str| observer.begins(&Step { name: over, within: &name, parts: None });
+        found.scaling.extend(scaling.run(log, &mut begin)?);
+        Ok(())
+    }
+
+    fn findings(&self, found: Found, engine: &Engine, before: &[Counts]) -> report::Bench {
+        let complete = !self.asked.stop.is_asked();
+        let mut laws = laws::laws(&found.records, &found.skipping);
+        laws.extend(counts::laws(before, &found.records, complete));
+        report::Bench {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            command: self.asked.command.clone(),
+            machine: processor(),
+            threads: rayon::current_num_threads(),
+            adapter: adapter(engine),
+            most_rows: self.rows,
+            complete,
+            held: Held { hold: laws.iter().filter(|law| law.holds).count(), of: laws.len() },
+            laws,
+            against: report::compare(&found.records),
+            records: found.records,
+            scaling: found.scaling,
+            skipping: found.skipping,
+        }
+    }
+}
+
+/// What computes: the processor, an adapter, or both.
+fn places(engine: &Engine, asked: Backend) -> Vec<Place> {
+    #[cfg(feature = "gpu")]
+    match (engine, asked) {
+        (Engine::Gpu { .. }, Backend::Gpu) => return vec![Place::Gpu],
+        (Engine::Gpu { .. }, _) => return vec![Place::Cpu, Place::Gpu],
+        _ => {}
+    }
+    let _only_the_processor = (engine, asked);
+    vec![Place::Cpu]
+}
+
+/// The adapter in words.
+fn adapter(engine: &Engine) -> Option<String> {
+    match engine {
+        #[cfg(feature = "gpu")]
+        Engine::Gpu { gpu, .. } => Some(crate::job::device(gpu.record())),
+        Engine::Cpu => None,
+    }
+}
+
+/// Tells runs apart that measure different things: their records are not to be mixed.
+fn fingerprint(sources: &[Source], session: &Session<'_>) -> Result<u64> {
+    let mut hasher = DefaultHasher::new();
+    for source in sources {
+        source.name().hash(&mut hasher);
+        source.bytes()?.hash(&mut hasher);
+    }
+    let names: Vec<String> = cases(session.asked.level, &session.places, true).iter().map(Case::name).collect();
+    let is_quick = session.asked.level == Level::Quick;
+    (env!("CARGO_PKG_VERSION"), names, session.rows, is_quick).hash(&mut hasher);
+    (rayon::current_num_threads(), processor()).hash(&mut hasher);
+    Ok(hasher.finish())
+}

@@ -1,0 +1,272 @@
+//! What is saved by what is skipped, and what it changes.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::cases::Between;
+use super::measure::Patience;
+use super::reference::{Sample, relative};
+use super::subject::{Problem, Source};
+use crate::Result;
+use crate::lab::check::AGAINST_EXPLICIT;
+use crate::march::{LightMapTransport, Quantity, VolumeTransport, VolumeTraversal};
+use crate::operator::{CpuVector, LinearOperator, Vector};
+use crate::problem::{Solved, VolumeRows};
+use crate::report::bench::{Pair, Skipped};
+use crate::scene::{Quadrature, Skipping, SolveSettings, SolverName, Strategy};
+
+/// Sums that only differ in their order, or in terms that are zero, part by no more.
+const ROUNDING: f64 = 1e-12;
+/// Solutions are handed over in f32.
+const IN_F32: f64 = 1e-5;
+/// Part of its start that the projected gradient of compared solutions falls to, where iterations allow.
+const TOLERANCE: f64 = 1e-3;
+
+/// Compares a scene with and without each thing that is skipped.
+pub(super) struct Comparison<'a> {
+    pub(super) patience: &'a Patience,
+    pub(super) source: &'a Source,
+    pub(super) sample: &'a Sample,
+    /// Rows of a sample.
+    pub(super) rows: usize,
+}
+
+/// Something that is skipped.
+struct Thing {
+    what: &'static str,
+    switch: &'static str,
+    unit: &'static str,
+}
+
+impl Comparison<'_> {
+    /// All that the scene has something of.
+    pub(super) fn run(&self) -> Result<Vec<Skipped>> {
+        let mut all = vec![self.kept_rows()?];
+        let others = [
+            self.unpainted_pixels()?,
+            self.shadows()?,
+            self.empty_bricks()?,
+            self.far_ends()?,
+            self.unreached()?,
+            self.converged_channels()?,
+        ];
+        all.extend(others.into_iter().flatten());
+        Ok(all)
+    }
+
+    /// Geometry and visibility, once and not in every application.
+    fn kept_rows(&self) -> Result<Skipped> {
+        let problem = &self.sample.problem;
+        let kept = self.cost(problem, Strategy::Assembled)?;
+        let walked = self.cost(problem, Strategy::MatrixFree)?;
+        let thing = Thing {
+            what: "walks of rows that are kept",
+            switch: "solve.strategy=matrix-free",
+            unit: "walks a product",
+        };
+        let difference = relative(kept.shown.0, &walked.shown)?;
+        let seconds = [kept.seconds, walked.seconds];
+        Ok(self.skipped(thing, [0.0, problem.len() as f64], seconds, [difference, AGAINST_EXPLICIT]))
+    }
+
+    /// Rows without weight; none where something is wanted of every pixel.
+    fn unpainted_pixels(&self) -> Result<Option<Skipped>> {
+        let stage = self.source.load(&["solve.skip.pixels=false".to_owned()])?;
+        let all = stage.with(Between::Linear).problem()?;
+        let weighs = |problem: &Problem| -> Vec<usize> {
+            let weights = problem.weights().0;
+            (0..weights.len()).filter(|&row| weights[row] != [0.0; 3]).collect()
+        };
+        let painted = weighs(&all).len();
+        if painted == all.len() {
+            return Ok(None);
+        }
+        let all = all.sampled((self.rows as f64 * all.len() as f64 / painted as f64) as usize);
+        let painted = all.picked(&weighs(&all));
+        let thing = Thing { what: "unpainted pixels", switch: "solve.skip.pixels=false", unit: "rows" };
+        let work = [painted.len() as f64, all.len() as f64];
+        self.products(thing, work, [&painted, &all]).map(Some)
+    }
+
+    /// Nodes of the shadow map's pyramid; none of volumes.
+    fn shadows(&self) -> Result<Option<Skipped>> {
+        let Problem::LightMap(problem) = &self.sample.problem else { return Ok(None) };
+        let transport = problem.traversal.transport();
+        let shadow_map = Arc::new((*transport.shadow_map).clone().without_pyramid());
+        let mut texels = problem.sampled(usize::MAX);
+        texels.traversal = texels.traversal.through(LightMapTransport { shadow_map, ..transport.clone() });
+        let nodes = |problem: &crate::problem::LightMapProblem| {
+            let rows = 0..problem.constraints.len();
+            rows.map(|row| problem.traversal.extent(row).shadow_nodes).sum::<usize>() as f64
+        };
+        let thing = Thing {
+            what: "texels of even shadow or light",
+            switch: "solve.skip.shadows=false",
+            unit: "nodes of the shadow map",
+        };
+        let work = [nodes(problem), nodes(&texels)];
+        self.products(thing, work, [&self.sample.problem, &Problem::LightMap(texels)]).map(Some)
+    }
+
+    /// Bricks that hold nothing; none of light maps, nor of rows that are not walked through voxels alone.
+    fn empty_bricks(&self) -> Result<Option<Skipped>> {
+        let Problem::Volume(find, problem) = &self.sample.problem else { return Ok(None) };
+        let VolumeRows::Voxels(rows) = &problem.traversal else { return Ok(None) };
+        let transport = rows.transport().clone();
+        let density = Arc::new((*transport.density).clone().entered_everywhere());
+        let parts = rows.parts().iter().map(|part| part.entered_everywhere()).collect();
+        let transport = VolumeTransport { density, ..transport };
+        let entered = VolumeTraversal::new(transport, rows.rays().clone(), parts);
+        let cells = |rows: &VolumeTraversal| {
+            (0..rows.rays().len()).map(|row| rows.cells_entered(row)).sum::<usize>() as f64
+        };
+        let work = [cells(rows), cells(&entered)];
+        let mut everywhere = problem.sampled(usize::MAX);
+        everywhere.traversal = VolumeRows::Voxels(entered);
+        let thing = Thing { what: "empty bricks", switch: "solve.skip.bricks=false", unit: "cells" };
+        self.products(thing, work, [&self.sample.problem, &Problem::Volume(*find, everywhere)]).map(Some)
+    }
+
+    /// The rest of a ray beyond the transmittance bound; none where what that can change is not known.
+    fn far_ends(&self) -> Result<Option<Skipped>> {
+        let problem = &self.sample.problem;
+        // Of a row no more is left than the bound times this, for light of 1 everywhere.
+        let (bound, scattering) = match problem {
+            Problem::LightMap(problem) => {
+                let most = |row: &crate::march::ViewRay| row.scattering.iter().copied().fold(0.0, f64::max);
+                let all = problem.traversal.rays().iter().map(|row| most(row).powi(2)).sum::<f64>();
+                (problem.traversal.transport().transmittance_bound, all.sqrt())
+            }
+            Problem::Volume(_, problem) => match &problem.traversal {
+                VolumeRows::Voxels(rows)
+                    if rows.parts().iter().all(|part| matches!(part.quantity, Quantity::Emission)) =>
+                {
+                    (rows.transport().transmittance_bound, (problem.targets.len() as f64).sqrt())
+                }
+                _ => return Ok(None),
+            },
+        };
+        let Some(mut whole) = problem.walked(Quadrature::Exact, Some(f64::MIN_POSITIVE)) else {
+            return Ok(None);
+        };
+        whole.replan();
+        let [cut, uncut] = [problem, &whole].map(|problem| self.cost(problem, Strategy::MatrixFree));
+        let (cut, uncut) = (cut?, uncut?);
+        let norm = uncut.shown.norm_squared()?.iter().sum::<f64>().sqrt();
+        let thing =
+            Thing { what: "far ends of rays", switch: "solve.transmittance_bound=1e-300", unit: "non-zeros" };
+        let work = [problem, &whole].map(|problem| problem.plan().nonzeros as f64);
+        let difference = relative(cut.shown.0, &uncut.shown)?;
+        // Each of the three channels may lose as much; rounding may add to it.
+        let bound = 3f64.sqrt() * bound * scattering / norm.max(f64::MIN_POSITIVE) + ROUNDING;
+        Ok(Some(self.skipped(thing, work, [cut.seconds, uncut.seconds], [difference, bound])))
+    }
+
+    /// Unknowns that no row reaches; none where neighbours are pulled together, for then they are another problem.
+    fn unreached(&self) -> Result<Option<Skipped>> {
+        let thing =
+            Thing { what: "unreached unknowns", switch: "solve.skip.unknowns=false", unit: "unknowns" };
+        let all = Skipping { unknowns: false, ..Skipping::default() };
+        self.solves(thing, all, |solved| solved.columns.len() as f64)
+    }
+
+    fn converged_channels(&self) -> Result<Option<Skipped>> {
+        let thing = Thing {
+            what: "channels that have converged",
+            switch: "solve.skip.channels=false",
+            unit: "iterations of channels",
+        };
+        let all = Skipping { channels: false, ..Skipping::default() };
+        self.solves(thing, all, |solved| {
+            let outcome = &solved.outcome;
+            (3 * outcome.stop.iteration - outcome.history.spared) as f64
+        })
+    }
+
+    /// Compares two ways to walk the same rows: Tᵀ W T 1.
+    fn products(&self, thing: Thing, work: [f64; 2], problems: [&Problem; 2]) -> Result<Skipped> {
+        let [with, without] = problems.map(|problem| self.cost(problem, Strategy::MatrixFree));
+        let (with, without) = (with?, without?);
+        let difference = relative(with.arriving.0, &without.arriving)?;
+        Ok(self.skipped(thing, work, [with.seconds, without.seconds], [difference, ROUNDING]))
+    }
+
+    /// Compares the solution with that of a solve that skips less; none where nothing is known of how far they may be apart.
+    fn solves(
+        &self,
+        thing: Thing,
+        without: Skipping,
+        work: impl Fn(&Solved) -> f64,
+    ) -> Result<Option<Skipped>> {
+        let with = SolveSettings {
+            solver: SolverName::default(),
+            tolerance: TOLERANCE,
+            iterations: self.patience.iterations,
+            ..self.sample.settings.clone()
+        };
+        let without = SolveSettings { skip: without, ..with.clone() };
+        let neighbours = [with.regularization.gradient, with.regularization.laplacian];
+        if !without.skip.unknowns && neighbours != [crate::scene::Weight::Relative(0.0); 2] {
+            return Ok(None);
+        }
+        let reference = self.sample.reference(true)?;
+        let timed = |settings: &SolveSettings| -> Result<_> {
+            let clock = Instant::now();
+            let solved = self.sample.solve(settings)?;
+            Ok((solved, clock.elapsed().as_secs_f64()))
+        };
+        let solver = with.solver;
+        let ((with, seconds), (without, seconds_without)) = (timed(&with)?, timed(&without)?);
+        // Each is as near to the solution as what is left of its gradient proves.
+        let nearness = |solved: &Solved| {
+            let left = solved.outcome.true_normal_residual.iter().copied().fold(0.0, f64::max);
+            self.sample.bound(reference, left).map(f64::sqrt)
+        };
+        let (Some(near), Some(near_without)) = (nearness(&with), nearness(&without)) else { return Ok(None) };
+        let difference = self.sample.apart(reference, solver, [&with.x, &without.x])?;
+        let bound = near + near_without + IN_F32;
+        let seconds = [seconds, seconds_without];
+        Ok(Some(self.skipped(thing, [work(&with), work(&without)], seconds, [difference, bound])))
+    }
+
+    fn skipped(
+        &self,
+        Thing { what, switch, unit }: Thing,
+        work: [f64; 2],
+        seconds: [f64; 2],
+        [difference, bound]: [f64; 2],
+    ) -> Skipped {
+        let pair = |[with, without]: [f64; 2]| Pair { with, without };
+        Skipped {
+            scene: self.source.name(),
+            what: what.to_owned(),
+            switch: switch.to_owned(),
+            unit: unit.to_owned(),
+            work: pair(work),
+            seconds: pair(seconds),
+            difference,
+            bound,
+        }
+    }
+
+    fn cost(&self, problem: &Problem, strategy: Strategy) -> Result<Cost> {
+        let (operator, times) = self.patience.times(|| problem.wide(strategy))?;
+        let (mut arriving, mut shown) = (operator.domain(), operator.range());
+        arriving.fill([1.0; 3]);
+        operator.apply(&arriving, &mut shown)?;
+        let weighted = shown.0.iter().zip(problem.weights().0);
+        let weighted =
+            weighted.map(|(shown, weight)| std::array::from_fn(|c| shown[c] * f64::from(weight[c])));
+        operator.apply_adjoint(&CpuVector(weighted.collect()), &mut arriving)?;
+        Ok(Cost { shown, arriving, seconds: times.forward + times.backward })
+    }
+}
+
+/// What both products take, and what they give.
+struct Cost {
+    /// T 1.
+    shown: CpuVector<f64>,
+    /// Tᵀ W T 1.
+    arriving: CpuVector<f64>,
+    seconds: f64,
+}
