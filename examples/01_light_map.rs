@@ -1,20 +1,18 @@
 //! From painted strokes to a light map, in one file: `cargo run --release --example 01_light_map -- DIR`.
 //!
-//! What one learns: a scene is plain data (light, medium, geometry, views with strokes); [`LightMapProblem`] turns it
-//! into rows and targets; `solve` finds the light map; [`Assessor`] says how well it does; `render` draws with it.
+//! What one learns: a scene is plain data (light, medium, geometry, views with strokes); a [`Job`] finds what is looked for in it, and its
+//! solution has the light map, pictures, numbers and files. A scene file does as well: `Job::open("strokes/citadel.json")`.
 
 #![allow(clippy::print_stdout, reason = "an example says what it does")]
 
 use std::path::PathBuf;
 
 use glam::{DAffine3, DVec3};
-use unscatter::io::image::write_png;
-use unscatter::problem::{Assessor, LightMapProblem, TransportOperator, render, solve};
+use unscatter::job::{Job, Quiet};
 use unscatter::scene::{
-    Camera, DirectionalLight, FovAxis, Geometry, Image, MapSettings, Medium, Primitive, Scene, SolveSettings,
-    Stroke, Target, View, look_at,
+    Camera, DirectionalLight, FovAxis, Geometry, MapSettings, Medium, Primitive, Scene, SolveSettings, Stroke,
+    Target, View, look_at,
 };
-use unscatter::solve::Control;
 
 /// A barn: a floor, three walls, and a roof of slats.
 fn barn() -> unscatter::Result<Geometry> {
@@ -71,31 +69,13 @@ fn scene() -> unscatter::Result<Scene> {
 
 fn main() -> unscatter::Result<()> {
     let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("out"), PathBuf::from);
-    let scene = scene()?;
-
-    // Rows (painted pixels), unknowns (texels) and targets; then T, kept in memory up to 1 GiB.
-    let problem = LightMapProblem::new(&scene)?;
-    let operator = problem.operator(&scene, 1 << 30)?;
-    // How much each texel is seen; texels that no painted ray reaches stay as they are.
-    let coverage = operator.squares(&problem.weights())?;
-
-    let solved = solve(&problem, &operator, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue))?;
-    let start = vec![problem.start; problem.maps.light_map.len()];
-    let assessor = Assessor::new(&problem, &operator)?;
-    let before = assessor.assess(&start, scene.views.len())?.all;
-    let after = assessor.assess(&solved.x, scene.views.len())?.all;
-    println!("{} painted pixels, stopped at {:?}", problem.constraints.len(), solved.outcome.stop);
-    println!("residual {:.3} before, {:.3} after", before.residual, after.residual);
-
-    std::fs::create_dir_all(&folder).map_err(|source| unscatter::Error::File {
-        action: "create the folder",
-        path: folder.clone(),
-        source,
-    })?;
-    let pictures = render(&scene, &problem.maps, Some(&solved.x), 0)?;
-    let light_map = Image::new(problem.maps.light_map.size, solved.x)?;
-    // Stops of exposure: the light map holds radiances around 40.
-    write_png(&folder.join("light_map.png"), &light_map, -5.0)?;
-    write_png(&folder.join("before.png"), &pictures.before, scene.exposure)?;
-    write_png(&folder.join("after.png"), &pictures.after, scene.exposure)
+    let found = Job::new(scene()?).solve(&mut Quiet)?;
+    let (report, light_map) = (found.report(), found.light_map()?);
+    println!("{} painted pixels, stopped for {}", report.problem.rows, report.stop.reason);
+    let residual = report.weighted_residual;
+    println!("residual {:.3} before, {:.3} after", residual.before, residual.after);
+    println!("a light map of {:?} texels, the side view {:?} pixels", light_map.size(), found.picture("side")?.size());
+    let written = found.write(folder)?;
+    println!("everything is in {}", written.folder.display());
+    Ok(())
 }

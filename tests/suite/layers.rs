@@ -12,6 +12,8 @@ const LAYERS: &[&[&str]] = &[
     &["solve", "cpu", "gpu", "sparse", "io"],
     &["problem"],
     &["report"],
+    &["job"],
+    &["lab"],
     &["lib", "cli", "main"],
 ];
 

@@ -7,6 +7,7 @@
 )]
 #![allow(missing_docs, unreachable_pub, reason = "nothing here is public")]
 
+#[cfg(feature = "cli")]
 mod command;
 mod demo_scenes;
 #[cfg(feature = "gpu")]
