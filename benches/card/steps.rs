@@ -80,11 +80,15 @@ impl Plan {
             return step;
         }
         if bundle.time_left().is_zero() {
-            step.went_wrong(Outcome::LeftOut, "the time was up".to_owned());
+            // A dry run is about all steps.
+            let outcome = if bundle.is_dry { Outcome::TimedOut } else { Outcome::LeftOut };
+            step.went_wrong(outcome, "the time was up before it began".to_owned());
             return step;
         }
         let clock = Instant::now();
-        bundle.begin(number, &self.name.replace(' ', "-"), Duration::from_secs(self.seconds));
+        // A slow machine may be slow in a dry run.
+        let limit = if bundle.is_dry { bundle.time_left() } else { Duration::from_secs(self.seconds) };
+        bundle.begin(number, &self.name.replace(' ', "-"), limit);
         if catch_unwind(AssertUnwindSafe(|| (self.work)(bundle, &mut step))).is_err() {
             step.went_wrong(Outcome::Failed, "the runner has made a mistake here".to_owned());
         }
@@ -103,9 +107,13 @@ fn measured(bundle: &Bundle, step: &mut Step, size: &str, filter: &str, aim: Opt
     let lines = bundle.scratch("figures.jsonl");
     let _ = std::fs::remove_file(&lines);
     let mut command = bundle.program("kernels");
+    // A dry run measures each once.
+    match bundle.is_dry {
+        true => command.arg("--test"),
+        false => command.args(["--bench", "--noplot", "--warm-up-time", "0.1", "--measurement-time", "0.3"]),
+    };
     command
-        .args(["--bench", "--noplot", "--sample-size", "10", "--warm-up-time", "0.1"])
-        .args(["--measurement-time", "0.3", filter])
+        .args(["--sample-size", "10", filter])
         .env("UNSCATTER_SIZE", size)
         .env("UNSCATTER_JSON", &lines)
         .env("CRITERION_HOME", bundle.scratch("criterion"));
