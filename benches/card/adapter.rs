@@ -27,12 +27,11 @@ pub fn find(bundle: &Bundle, is_dry: bool, name: Option<&str>) -> Result<Found, 
     if told.end != End::Exit(Some(0)) {
         return Err(format!("unscatter doctor: {}; logs/00-adapters.txt has more", in_words(&told.end)));
     }
-    let mut host: Value = serde_json::from_str(&told.out)
+    let host: Value = serde_json::from_str(&told.out)
         .map_err(|error| format!("unscatter doctor has written no JSON: {error}"))?;
-    let adapters = host["adapters"].take();
-    let adapters = adapters.as_array().map(Vec::as_slice).unwrap_or_default();
+    let adapters = host["adapters"].as_array().map(Vec::as_slice).unwrap_or_default();
     match choose(adapters, is_dry, name) {
-        Some(device) => Ok(Found { device: device.clone(), host }),
+        Some(device) => Ok(Found { device: device.clone(), host: host.clone() }),
         None => Err(instead(
             adapters,
             loader::has_vulkan(&bundle.libraries()),
