@@ -19,6 +19,8 @@ mod record;
 mod steps;
 mod trials;
 
+use std::io;
+use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 use std::process::exit;
 use std::time::{Duration, Instant};
@@ -44,6 +46,10 @@ fn main() {
         exit(2)
     });
     let begun = Instant::now();
+    if let Err(wrong) = unpack() {
+        eprintln!("the bundle cannot be unpacked where it lies: {wrong}");
+        exit(1);
+    }
     let bundle = Bundle::open(&asked.out, begun + ALL).unwrap_or_else(|wrong| {
         eprintln!("{}: {wrong}", asked.out.display());
         exit(1)
@@ -74,6 +80,26 @@ fn main() {
     println!("{:.0} s in all; {}", begun.elapsed().as_secs_f64(), asked.out.join("card.md").display());
     // Not by returning: nothing is waited for that hangs.
     exit(if record.is_sound() { 0 } else { 1 })
+}
+
+/// Unpacks the programs that lie compressed beside this one, each once.
+fn unpack() -> io::Result<()> {
+    let program = std::env::current_exe()?;
+    let folder = program.parent().ok_or(io::ErrorKind::NotFound)?;
+    for entry in std::fs::read_dir(folder)? {
+        let packed = entry?.path();
+        let unpacked = packed.with_extension("");
+        if packed.extension().is_none_or(|ending| ending != "gz") || unpacked.exists() {
+            continue;
+        }
+        // Under another name until it is whole.
+        let part = packed.with_extension("part");
+        let mut bytes = flate2::read::GzDecoder::new(std::fs::File::open(&packed)?);
+        io::copy(&mut bytes, &mut std::fs::File::create(&part)?)?;
+        std::fs::set_permissions(&part, std::fs::Permissions::from_mode(0o755))?;
+        std::fs::rename(&part, &unpacked)?;
+    }
+    Ok(())
 }
 
 fn asked(mut arguments: impl Iterator<Item = String>) -> Result<Asked, String> {
