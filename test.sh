@@ -62,6 +62,16 @@ else
   say "no OpenVDB: the tests that need it are ignored"
 fi
 
+if has_adapter; then
+  say "the bundle for a graphics card, dry"
+  benches/card.sh prepare "$out/card"
+  "$out/card/card.sh" run --dry "$out/card-figures" || { tail -n 40 "$out"/card-figures/logs/*; exit 1; }
+  cat "$out/card-figures/card.md"
+  code=0
+  VK_DRIVER_FILES=none VK_ICD_FILENAMES=none "$out/card/card.sh" run "$out/no-card" 2>"$out/told" || code=$?
+  [ "$code" -eq 3 ] && grep -q "there is no graphics card" "$out/told" || { cat "$out/told"; exit 1; }
+fi
+
 say "tests without the GPU backend"
 cargo test --locked --release --no-default-features --lib --bins --test suite
 

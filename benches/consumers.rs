@@ -143,11 +143,11 @@ fn consumers<T: Traversal<f64, 1> + Clone>(
     let rays = || made.0.rows() as u64;
 
     rates.bench(name, "walk", || {
-        (Work { rays: rays(), nonzeros: *nonzeros, bytes: 0 }, by_the_clock(|| walk(&made.0)))
+        (Work { rays: rays(), nonzeros: *nonzeros, ..Work::default() }, by_the_clock(|| walk(&made.0)))
     });
     rates.bench(name, "assemble", || {
         let bytes = kept.storage().bytes;
-        let work = Work { rays: rays(), nonzeros: *nonzeros, bytes };
+        let work = Work { rays: rays(), nonzeros: *nonzeros, bytes, ..Work::default() };
         (work, by_the_clock(|| operator(Strategy::Assembled)))
     });
     let products: [(&str, Product<T>); 3] = [
@@ -163,7 +163,7 @@ fn consumers<T: Traversal<f64, 1> + Clone>(
                 x.fill([1.0, 0.5, 0.25]);
                 y.fill([1.0, 0.5, 0.25]);
                 let bytes = operator.storage().bytes + bytes(&[x.len(), y.len()]);
-                let work = Work { rays: rays(), nonzeros: *nonzeros, bytes };
+                let work = Work { rays: rays(), nonzeros: *nonzeros, bytes, ..Work::default() };
                 let round: Round = by_the_clock(move || apply(operator, &mut x, &mut y));
                 (work, round)
             });
@@ -174,7 +174,7 @@ fn consumers<T: Traversal<f64, 1> + Clone>(
             let (ones, added) = (vec![1.0; made.0.rows()], vec![1e-6; made.0.elements()]);
             let (kept, tiling) = (&*kept, &made.1);
             let tiles = move || TileMetric::new(kept, tiling, &ones, &added).unwrap();
-            let work = Work { rays: rays(), nonzeros: *nonzeros, bytes: tiles().bytes() };
+            let work = Work { rays: rays(), nonzeros: *nonzeros, bytes: tiles().bytes(), ..Work::default() };
             (work, by_the_clock(tiles))
         });
     }
@@ -182,7 +182,7 @@ fn consumers<T: Traversal<f64, 1> + Clone>(
         let few = Few(&made.0);
         let (nonzeros, _) = walk(&few);
         let bytes = nonzeros * 16 + 8 * (few.rows() as u64 + 1);
-        let work = Work { rays: few.rows() as u64, nonzeros, bytes };
+        let work = Work { rays: few.rows() as u64, nonzeros, bytes, ..Work::default() };
         (work, by_the_clock(move || ExplicitMatrix::new(&few, u64::MAX).unwrap()))
     });
 }
@@ -203,7 +203,8 @@ fn light_volumes(rates: &mut Rates, problem: &impl Deref<Target = VolumeProblem>
             y.fill([1.0, 0.5, 0.25]);
             let VolumeRows::Lights(lit) = &problem.traversal else { unreachable!("rows of lights") };
             let bytes = lit.bytes() + bytes(&[x.len(), y.len()]);
-            let work = Work { rays: y.len() as u64, nonzeros: problem.plan.nonzeros, bytes };
+            let work =
+                Work { rays: y.len() as u64, nonzeros: problem.plan.nonzeros, bytes, ..Work::default() };
             (work, by_the_clock(move || apply(&operator, &mut x, &mut y)))
         });
     }

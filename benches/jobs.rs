@@ -49,7 +49,12 @@ fn main() {
 
 /// What all of a job goes through once.
 fn all_of(storage: Storage) -> Work {
-    Work { rays: storage.kept_rows as u64, nonzeros: storage.kept_nonzeros, bytes: storage.bytes }
+    Work {
+        rays: storage.kept_rows as u64,
+        nonzeros: storage.kept_nonzeros,
+        bytes: storage.bytes,
+        ..Work::default()
+    }
 }
 
 /// The same with both vectors.

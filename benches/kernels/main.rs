@@ -2,17 +2,20 @@
 //!
 //!     cargo bench --bench kernels [-- FILTER] [-- --quick]     hardware where there is some, else a software adapter
 //!     UNSCATTER_ADAPTER=NAME cargo bench --bench kernels       an adapter by a part of its name
-//!     UNSCATTER_SIZE=small|paper|medium|large                  `paper` on hardware, else `small`: scenes::field::Field;
-//!                                                              volumes of Klehm 2015, fig. 7.3, or for `small` half of each axis
+//!     UNSCATTER_SIZE=tiny|small|paper|medium|large             `paper` on hardware, else `small`: scenes::field::Field;
+//!                                                              volumes of Klehm 2015, fig. 7.3, for `small` half of each axis
+//!     UNSCATTER_JSON=FILE                                      every figure as a line of JSON, too
 //!
-//! Seconds are the adapter's own where it has timestamps, and the clock's for `iteration` and where something is read back (`largest_step`,
+//! Seconds are the adapter's own where it has timestamps, and the clock's for iterations, overhead, and where something is read back (`largest_step`,
 //! `surfaces`). Bytes are what must at least be moved: kept rows 8 bytes a non-zero, walked ones 160 bytes a ray, tiles their matrices, each
 //! vector and index read and written once; an iteration two products, and each vector of the method. Shares are of the bytes a
 //! second that multiplying long vectors moves.
-#![allow(missing_docs, clippy::unwrap_used, reason = "a bench that cannot go on should stop")]
+#![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a bench that cannot go on should stop")]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "figures are what it is for")]
 #![allow(unreachable_pub, reason = "nothing here is public")]
 
+mod fista;
+mod overhead;
 #[path = "../rates/mod.rs"]
 mod rates;
 mod rows;
@@ -47,22 +50,32 @@ fn main() {
         ("paper", Field::PAPER),
         ("medium", Field::MEDIUM),
         ("large", Field::LARGE),
+        ("tiny", Field::TINY),
     ];
     if gpu.record().is_hardware() {
         sizes.swap(0, 1);
     }
     let (size, field) = rates::size_of(&sizes);
-    let moved = bandwidth(&gpu);
+    let (elements, shrunk) = match size {
+        "tiny" => (1 << 14, 8),
+        "small" => (1 << 19, 2),
+        _ if gpu.record().is_hardware() => (4 << 20, 1),
+        _ => (1 << 19, 1),
+    };
+    let moved = bandwidth(&gpu, if size == "tiny" { 1 << 20 } else { 16 << 20 });
     let record = gpu.record();
     println!("{} ({}, {}), moves {:.1} GB/s", record.name, record.kind, record.driver, moved * 1e-9);
 
     let mut rates = Rates::new(0.5).beside(moved);
-    vectors::bench(&mut rates, &gpu);
+    overhead::bench(&mut rates, &gpu);
+    vectors::bench(&mut rates, &gpu, elements);
     rows::light_map(&mut rates, &format!("light map, {size}"), [&gpu, &near], &field);
     rows::fixed_point(&mut rates, &gpu, &field);
-    rows::volumes(&mut rates, &gpu, if size == "small" { 2 } else { 1 });
+    fista::bench(&mut rates, &format!("light map, {size}"), &gpu, &field);
+    rows::volumes(&mut rates, &gpu, shrunk);
     tiles::bench(&mut rates, &gpu, &field);
     tiles::surfaces(&mut rates, &gpu);
+    overhead::first_call(&mut rates, &choice);
     rates.finish();
 }
 
@@ -79,9 +92,9 @@ fn on_adapter<'a>(gpu: &'a Gpu, mut work: impl FnMut() -> Result<()> + 'a) -> Ro
     })
 }
 
-/// Bytes a second that multiplying long vectors moves: two are read and one is written.
-fn bandwidth(gpu: &Gpu) -> f64 {
-    let elements = (gpu.record().binding_limit / 16).min(16 << 20) as usize;
+/// Bytes a second that multiplying vectors of so many elements moves: two are read and one is written.
+fn bandwidth(gpu: &Gpu, elements: u64) -> f64 {
+    let elements = (gpu.record().binding_limit / 16).min(elements) as usize;
     let (mut x, y) = (GpuVector::zeros(gpu, elements), GpuVector::zeros(gpu, elements));
     let mut round = on_adapter(gpu, || {
         x.multiply(&y);

@@ -21,10 +21,12 @@ use crate::scenes::volume::Cloud;
 use crate::{COLOR, on_adapter};
 
 /// Bytes of a ray that is walked, and of a non-zero that is kept.
-const RAY: u64 = 160;
-const NONZERO: u64 = 8;
+pub const RAY: u64 = 160;
+pub const NONZERO: u64 = 8;
 /// Iterations of a run; software adapters take seconds for one.
-const ITERATIONS: [usize; 2] = [32, 3];
+pub fn iterations(gpu: &Gpu) -> usize {
+    if gpu.record().is_hardware() { 32 } else { 3 }
+}
 
 /// `kept`, `walked`, `walked, near sums` and `walked, fixed point`.
 pub fn light_map(rates: &mut Rates, group: &str, [gpu, near]: [&Gpu; 2], field: &Field) {
@@ -38,11 +40,11 @@ pub fn light_map(rates: &mut Rates, group: &str, [gpu, near]: [&Gpu; 2], field: 
     let (rays, [_, sums @ ..]) = (field.painted as u64, &PRODUCTS);
     // More than that has no room.
     if field.painted < Field::LARGE.painted {
-        let work = || Work { rays, nonzeros: *nonzeros, bytes: NONZERO * *nonzeros };
+        let work = || Work { rays, nonzeros: *nonzeros, bytes: NONZERO * *nonzeros, ..Work::default() };
         products(rates, group, ("rows kept", &PRODUCTS), gpu, &kept, &work);
         iteration(rates, group, "rows kept", gpu, &kept, &work);
     }
-    let work = || Work { rays, nonzeros: *nonzeros, bytes: RAY * rays };
+    let work = || Work { rays, nonzeros: *nonzeros, bytes: RAY * rays, ..Work::default() };
     products(rates, group, ("walked", &PRODUCTS), gpu, &alone, &work);
     products(rates, group, ("walked, near sums", sums), near, &beside, &work);
     products(rates, group, ("walked, fixed point", sums), gpu, &fixed, &work);
@@ -64,11 +66,14 @@ pub fn volumes(rates: &mut Rates, gpu: &Gpu, shrunk: usize) {
         let fixed = LazyCell::new(|| walked(true));
         let group = format!("volume, {name}");
         let (rays, [_, sums @ ..]) = (|| rows.rays().len() as u64, &PRODUCTS);
-        let work = || Work { rays: rays(), nonzeros: *nonzeros, bytes: NONZERO * *nonzeros };
+        let work =
+            || Work { rays: rays(), nonzeros: *nonzeros, bytes: NONZERO * *nonzeros, ..Work::default() };
         products(rates, &group, ("rows kept", &PRODUCTS), gpu, &kept, &work);
-        let work = || Work { rays: rays(), nonzeros: *nonzeros, bytes: RAY * rays() };
+        iteration(rates, &group, "rows kept", gpu, &kept, &work);
+        let work = || Work { rays: rays(), nonzeros: *nonzeros, bytes: RAY * rays(), ..Work::default() };
         products(rates, &group, ("walked", &PRODUCTS), gpu, &alone, &work);
         products(rates, &group, ("walked, fixed point", sums), gpu, &fixed, &work);
+        iteration(rates, &group, "walked", gpu, &alone, &work);
     }
 }
 
@@ -76,7 +81,7 @@ fn foreseen(traversal: &impl Traversal<f64, 1>) -> u64 {
     WalkPlan::new::<f32, 1>(traversal).nonzeros
 }
 
-fn kept<T: Traversal<f64, 1> + Clone>(gpu: &Gpu, traversal: &T) -> Kept {
+pub fn kept<T: Traversal<f64, 1> + Clone>(gpu: &Gpu, traversal: &T) -> Kept {
     let table = kept_rows::<1>(traversal);
     let mut met = vec![0; traversal.elements()];
     table.elements.iter().for_each(|&element| met[element as usize] += 1);
@@ -145,14 +150,15 @@ fn iteration(
 ) {
     rates.bench(group, &format!("{way}: iteration"), || {
         let operator = &**operator;
-        let [_, waits] = iterate(gpu, operator);
-        println!("{group}/{way}: an iteration waits {waits:.1} times");
+        let [_, round_trips] = iterate(gpu, operator);
+        println!("{group}/{way}: an iteration waits {round_trips:.1} times");
         let [elements, rows] = [operator.domain().len(), operator.range().len()];
         let vectors = Cgls::<Stacked<GpuVector>>::VECTORS;
         let vectors = vectors.domain * elements + vectors.range * (rows + elements);
         let matrix = matrix();
         let bytes = 2 * (matrix.bytes + COLOR * (rows + elements + vectors) as u64);
-        let work = Work { rays: 2 * matrix.rays, nonzeros: 2 * matrix.nonzeros, bytes };
+        let (rays, nonzeros) = (2 * matrix.rays, 2 * matrix.nonzeros);
+        let work = Work { rays, nonzeros, bytes, round_trips, ..Work::default() };
         let round: Round = Box::new(move || Duration::from_secs_f64(iterate(gpu, operator)[0]));
         (work, round)
     });
@@ -165,8 +171,7 @@ fn iterate(gpu: &Gpu, operator: &Transport) -> [f64; 2] {
     let mut targets = operator.range();
     targets.fill([0.02, 0.01, 0.03]);
     let rhs = Blocks(vec![targets, operator.domain()]);
-    let [hardware, software] = ITERATIONS;
-    let limits = Limits::new(if gpu.record().is_hardware() { hardware } else { software }, 0.0);
+    let limits = Limits::new(iterations(gpu), 0.0);
     let problem = LeastSquares::new(&stacked, &rhs);
     let start = stacked.domain();
     let mut marks = Vec::new();

@@ -45,7 +45,7 @@ pub fn bench(rates: &mut Rates, gpu: &Gpu, field: &Field) {
                 operate(metric, &mut x, &y);
                 Ok(())
             };
-            (Work { nonzeros, bytes, rays: 0 }, on_adapter(gpu, operate))
+            (Work { nonzeros, bytes, ..Work::default() }, on_adapter(gpu, operate))
         });
     }
 }
@@ -67,6 +67,6 @@ pub fn surfaces(rates: &mut Rates, gpu: &Gpu) {
         // A corner is 20 bytes; of a pixel the triangle and its depth.
         let bytes = 8 * pixels + 20 * corners.len() as u64;
         let draw = move || surfaces_seen(gpu, &corners, &triangles, PICTURE).unwrap();
-        (Work { rays: pixels, nonzeros: 0, bytes }, by_the_clock(draw))
+        (Work { rays: pixels, bytes, ..Work::default() }, by_the_clock(draw))
     });
 }

@@ -42,8 +42,7 @@ const LOOK_UPS: [(&str, u64, u64, LookUp); 4] = [
     ("divergence", 3, 2, |x, y, [a, b]| x.divergence(y, a, b)),
 ];
 
-pub fn bench(rates: &mut Rates, gpu: &Gpu) {
-    let elements: u32 = if gpu.record().is_hardware() { 4 << 20 } else { 1 << 19 };
+pub fn bench(rates: &mut Rates, gpu: &Gpu, elements: u32) {
     let group = format!("vectors of {elements}");
     let zeros = || GpuVector::zeros(gpu, elements as usize);
     let vector = |value: f64| {

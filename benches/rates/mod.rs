@@ -1,8 +1,10 @@
 //! Criterion's benches, and a table of rates at their end: rays, non-zeros and bytes a second, from the median of all rounds.
 //!
-//! What is measured is made when its bench is run, so a filter on the command line spares the others.
+//! What is measured is made when its bench is run, so a filter on the command line spares the others. With UNSCATTER_JSON=FILE every
+//! figure is a line of JSON at the end of that file, too, as soon as it is measured.
 #![allow(dead_code, reason = "each bench takes what it needs")]
 
+use std::io::Write;
 use std::time::{Duration, Instant};
 
 use criterion::{Bencher, Criterion, SamplingMode};
@@ -14,6 +16,10 @@ pub struct Work {
     pub nonzeros: u64,
     /// What must at least be moved.
     pub bytes: u64,
+    /// Kernels that an adapter is given to run.
+    pub dispatches: f64,
+    /// How often the host waits for it.
+    pub round_trips: f64,
 }
 
 /// A round of a bench: does its work, and says how long that took.
@@ -72,8 +78,26 @@ impl Rates {
         benches.finish();
         if let Some((work, _)) = prepared {
             took.sort();
-            self.measured.push((format!("{group}/{name}"), work, took[took.len() / 2]));
+            self.keep(format!("{group}/{name}"), work, &took);
         }
+    }
+
+    /// Keeps the median of sorted rounds, and adds them to the file of UNSCATTER_JSON.
+    fn keep(&mut self, name: String, work: Work, took: &[Duration]) {
+        let median = took[took.len() / 2];
+        if let Ok(path) = std::env::var("UNSCATTER_JSON") {
+            let [median, least, most] =
+                [median, took[0], took[took.len() - 1]].map(|took| took.as_secs_f64());
+            let line = serde_json::json!({
+                "name": name, "seconds": median, "least": least, "most": most, "samples": took.len(),
+                "rays": work.rays, "nonzeros": work.nonzeros, "bytes": work.bytes,
+                "dispatches": work.dispatches, "round_trips": work.round_trips,
+                "at_best": self.at_best, "share": self.at_best.map(|at_best| work.bytes as f64 / median / at_best),
+            });
+            let file = std::fs::OpenOptions::new().create(true).append(true).open(path);
+            writeln!(file.unwrap(), "{line}").unwrap();
+        }
+        self.measured.push((name, work, median));
     }
 
     /// Prints the table.

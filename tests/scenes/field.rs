@@ -33,6 +33,8 @@ impl Field {
     };
     /// Half of that along each axis.
     pub const SMALL: Self = Self { picture: [320, 180], painted: 10_310, map: 256, ..Self::PAPER };
+    /// An eighth of it, for a machine that shall only show that everything runs.
+    pub const TINY: Self = Self { picture: [80, 45], painted: 644, map: 64, ..Self::PAPER };
     pub const MEDIUM: Self = Self { cameras: 6, painted: 276_480, map: 1024, ..Self::PAPER };
     /// All of six pictures of 1920 × 1080.
     pub const LARGE: Self =

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use unscatter::io::scene_file::{self, VolumeDocument};
 
 fn file(name: &str) -> PathBuf {
-    PathBuf::from(format!("{}/strokes/{name}.json", env!("CARGO_MANIFEST_DIR")))
+    crate::root().join(format!("strokes/{name}.json"))
 }
 
 /// The document, and the text that it was read from.

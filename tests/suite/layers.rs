@@ -73,7 +73,7 @@ fn violations(module: &str, text: &str) -> Vec<String> {
 
 #[test]
 fn imports_go_downwards_only() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let root = crate::root().join("src");
     let mut files = Vec::new();
     sources(&root, &mut files);
     assert!(files.len() > 20);

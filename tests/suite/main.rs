@@ -7,6 +7,8 @@
 )]
 #![allow(missing_docs, unreachable_pub, reason = "nothing here is public")]
 
+#[cfg(unix)]
+mod card;
 #[cfg(feature = "cli")]
 mod command;
 mod demo_scenes;
@@ -24,3 +26,19 @@ mod tolerances;
 mod traversal;
 mod vdb_peer;
 mod volume;
+
+use std::path::PathBuf;
+
+/// The folder of the package: what the environment says, so that this binary runs wherever it and the files lie, else where it was built.
+pub fn root() -> PathBuf {
+    in_environment("CARGO_MANIFEST_DIR", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The command, found in the same way.
+pub fn program() -> PathBuf {
+    in_environment("UNSCATTER_PROGRAM", env!("CARGO_BIN_EXE_unscatter"))
+}
+
+fn in_environment(variable: &str, built: &str) -> PathBuf {
+    std::env::var_os(variable).map_or_else(|| PathBuf::from(built), PathBuf::from)
+}

@@ -16,9 +16,9 @@ use unscatter::scene::{Samples, Volume, VoxelGrid};
 /// The exit code of the script: 0, or 3 where grids differ.
 fn openvdb(task: &str, folder: &Path) -> Option<i32> {
     let python = std::env::var("VDB_PYTHON").unwrap_or("/usr/bin/python3".to_owned());
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vdb_peer.py");
+    let script = crate::root().join("tests/vdb_peer.py");
     let mut command = Command::new(python);
-    command.args([script, task]).arg(folder);
+    command.arg(script).arg(task).arg(folder);
     if task == "make" {
         command.args(std::env::var("VDB_RECOMPRESS"));
     }

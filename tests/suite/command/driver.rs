@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 use super::gpu::adapter;
-use super::{Desk, PROGRAM, Ran};
+use super::{Desk, Ran};
 
 /// The faulty loader, and the real one that it stands before.
 struct Driver {
@@ -25,7 +25,7 @@ impl Driver {
         let built = tempfile::tempdir().unwrap();
         let folder = std::env::var_os("UNSCATTER_FAULTY_VULKAN").map_or_else(
             || {
-                let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faulty_vulkan.c");
+                let source = crate::root().join("tests/faulty_vulkan.c");
                 let library = built.path().join("libvulkan.so.1");
                 let mut compiler = Command::new("cc");
                 compiler.args(["-shared", "-fPIC", "-o"]).arg(library).arg(source).arg("-ldl");
@@ -38,7 +38,7 @@ impl Driver {
     }
 
     fn command(&self, desk: &Desk, out: &str, backend: &str, fault: &str) -> Command {
-        let mut command = Command::new(PROGRAM);
+        let mut command = Command::new(crate::program());
         let before = std::env::var("LD_LIBRARY_PATH").unwrap_or_default();
         command
             .current_dir(desk.path("."))

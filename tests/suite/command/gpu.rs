@@ -5,10 +5,11 @@ use unscatter::gpu::{AdapterRecord, adapters};
 
 use super::{Desk, Ran, scene_with};
 
-/// The adapter of this machine that serves, hardware before software.
+/// The adapter of this machine that serves, hardware before software; of those that UNSCATTER_ADAPTER names a part of, where it is set.
 pub fn adapter() -> AdapterRecord {
+    let name = std::env::var("UNSCATTER_ADAPTER").unwrap_or_default().to_lowercase();
     let mut found = adapters();
-    found.retain(|adapter| adapter.missing.is_empty());
+    found.retain(|adapter| adapter.missing.is_empty() && adapter.name.to_lowercase().contains(&name));
     found.sort_by_key(|adapter| !adapter.is_hardware());
     found.into_iter().next().expect("no adapter; ./test.sh brings one")
 }

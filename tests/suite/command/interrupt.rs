@@ -6,14 +6,14 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use super::pictures::exr;
-use super::{Desk, PATIENCE, PROGRAM, Ran};
+use super::{Desk, PATIENCE, Ran};
 
 const LONG: [&str; 9] =
     ["light-map", "scene.json", "-o", "out", "--iterations", "1000000", "--tolerance", "0", "--json"];
 
 /// Starts a solve that would not end by itself, and waits until it iterates: its first preview is there.
 fn under_way(desk: &Desk) -> Child {
-    let child = Command::new(PROGRAM)
+    let child = Command::new(crate::program())
         .current_dir(desk.path("."))
         .args(LONG)
         .args(["--preview-every", "3"])

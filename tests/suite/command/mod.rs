@@ -29,8 +29,6 @@ use tempfile::TempDir;
 /// Nothing here takes a second; what takes this long hangs.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-pub const PROGRAM: &str = env!("CARGO_BIN_EXE_unscatter");
-
 /// A folder with a scene in it, gone at the end.
 pub struct Desk(TempDir);
 
@@ -69,7 +67,7 @@ impl Desk {
 
     /// Runs the program in this folder with these variables in its environment.
     pub fn run_in(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Ran {
-        let mut command = assert_cmd::Command::new(PROGRAM);
+        let mut command = assert_cmd::Command::new(crate::program());
         command.current_dir(self.0.path()).args(arguments).envs(variables.iter().copied()).timeout(PATIENCE);
         Ran::of(arguments, &command.output().unwrap())
     }

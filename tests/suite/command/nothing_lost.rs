@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use super::{Desk, PROGRAM, Ran};
+use super::{Desk, Ran};
 
 #[test]
 fn a_run_that_fails_leaves_earlier_results_as_they_were() {
@@ -58,7 +58,8 @@ fn run_with_files_up_to(desk: &Desk, kilobytes: u32, arguments: &[&str]) -> Ran 
     let script = format!("trap '' XFSZ; ulimit -f {}; exec \"$@\"", 2 * kilobytes);
     let output = Command::new("sh")
         .current_dir(desk.path("."))
-        .args(["-c", &script, "sh", PROGRAM])
+        .args(["-c", &script, "sh"])
+        .arg(crate::program())
         .args(arguments)
         .output()
         .unwrap();
@@ -128,7 +129,8 @@ fn a_full_disk_is_the_machines_fault() {
         echo $code
     "#;
     let output = Command::new("unshare")
-        .args(["--user", "--map-root-user", "--mount", "sh", "-c", script, PROGRAM])
+        .args(["--user", "--map-root-user", "--mount", "sh", "-c", script])
+        .arg(crate::program())
         .current_dir(desk.path("."))
         .output();
     let Ok(output) = output.as_ref().map(|output| String::from_utf8_lossy(&output.stdout)) else { return };

@@ -1,7 +1,6 @@
 //! Every command but `light-map` and `matrix`, and the wrong use of all of them.
 
 use std::fs;
-use std::path::Path;
 
 use serde_json::{Value, json};
 use unscatter::io::scene_file::{Subject, subject};
@@ -175,7 +174,7 @@ fn assert_no_dangling_reference(schema: &Value, part: &Value) {
 
 #[test]
 fn the_scenes_in_strokes_can_be_planned() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("strokes");
+    let folder = crate::root().join("strokes");
     let desk = Desk::new();
     for entry in fs::read_dir(folder).into_iter().flatten() {
         let path = entry.unwrap().path();
@@ -242,7 +241,7 @@ fn wrong_usage_exits_with_2_and_writes_nothing() {
 fn a_reader_that_goes_away_is_no_failure() {
     let desk = Desk::new();
     for arguments in [&["plan", "scene.json"][..], &["schema"]] {
-        let mut child = std::process::Command::new(super::PROGRAM)
+        let mut child = std::process::Command::new(crate::program())
             .current_dir(desk.path("."))
             .args(arguments)
             .stdout(std::process::Stdio::piped())

@@ -24,13 +24,16 @@ pub fn narrow(binding_limit: u64) -> Gpu {
     open(Choice { binding_limit: Some(binding_limit), ..Choice::default() })
 }
 
+/// The adapter that UNSCATTER_ADAPTER names a part of, else any.
 pub fn open(choice: Choice) -> Gpu {
-    Gpu::open(&Choice { software: true, ..choice }).unwrap()
+    let name = std::env::var("UNSCATTER_ADAPTER").ok();
+    Gpu::open(&Choice { name, software: true, ..choice }).unwrap()
 }
 
-/// The same values in [-1, 1) wherever the vector lives.
+/// The same values in [-1, 1) wherever the vector lives; others where UNSCATTER_SEED is set to another number.
 pub fn random<V: Vector>(mut vector: V, seed: u64) -> V {
-    let mut n = Numbers(seed | 1);
+    let others: u64 = std::env::var("UNSCATTER_SEED").map_or(0, |seed| seed.parse().unwrap());
+    let mut n = Numbers((seed ^ others.wrapping_mul(0x9e37_79b9_7f4a_7c15)) | 1);
     // What f32 can hold, so that all precisions start from the same.
     let values: Vec<[f64; 3]> =
         (0..vector.len()).map(|_| std::array::from_fn(|_| f64::from(n.uniform(-1.0, 1.0) as f32))).collect();

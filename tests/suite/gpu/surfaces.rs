@@ -8,8 +8,7 @@ use super::gpu;
 use crate::tolerances::SILHOUETTES;
 
 fn demo(name: &str) -> Scene {
-    let file = format!("{}/strokes/{name}.json", env!("CARGO_MANIFEST_DIR"));
-    scene_file::load(file.as_ref(), &[]).unwrap()
+    scene_file::load(&crate::root().join(format!("strokes/{name}.json")), &[]).unwrap()
 }
 
 /// The share of numbers that are not the same to the last digits of f32.

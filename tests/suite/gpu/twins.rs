@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
 
 use unscatter::gpu::kernel_texts;
+
+use crate::root;
 
 /// Of each kernel: who dispatches it, the file of its twin on the processor, and what the twin is called there.
 const TWINS: &[(&str, &str, &str, &str)] = &[
@@ -36,10 +37,6 @@ const TWINS: &[(&str, &str, &str, &str)] = &[
     ("surfaces", "surfaces", "scene/geometry", "fn first_hit"),
     ("tiles", "tiles", "cpu/tiles", "fn sweep"),
 ];
-
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
 
 /// The kernels that lie in a folder.
 fn files(folder: &str) -> BTreeSet<String> {

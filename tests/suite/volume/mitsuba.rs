@@ -1,7 +1,5 @@
 //! Pictures against Mitsuba's, which tests/fixtures/mitsuba/make.py made: single scattering, pixel centres only.
 
-use std::path::Path;
-
 use unscatter::io::image::read_image;
 use unscatter::problem::{Model, Optics, VolumeRenderer, VolumeState};
 use unscatter::scene::{DirectionalLight, Environment, Image, VolumeMedium, VolumeScene, look_at};
@@ -60,7 +58,7 @@ fn scene(case: &Case) -> VolumeScene {
 
 /// Root mean square and largest difference, in standard errors; the tracer's and a part of the value for ours.
 fn deviation(ours: &Image, name: &str, bias: f64) -> [f64; 2] {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/mitsuba");
+    let folder = crate::root().join("tests/fixtures/mitsuba");
     let mean = read_image(&folder.join(format!("{name}.exr"))).unwrap();
     let error = read_image(&folder.join(format!("{name}_se.exr"))).unwrap();
     let (mut sum, mut count, mut largest) = (0.0, 0.0, 0.0_f64);

@@ -247,7 +247,7 @@ fn ctrl_c_writes_the_keys_that_there_are_and_resume_goes_on() {
     use std::process::{Command, Stdio};
     let desk = Desk::with(&moving("shapes"));
     let long = ["animate", "scene.json", "-o", "out", "--iterations", "1000000", "--tolerance", "0"];
-    let child = Command::new(crate::command::PROGRAM)
+    let child = Command::new(crate::program())
         .current_dir(desk.path("."))
         .args(long)
         .args(["--preview-every", "3"])
