@@ -239,9 +239,11 @@ fn formats(names: &[String]) -> Result<Vec<Format>> {
     if names.is_empty() {
         return Ok(vec![Format::Npy, Format::Vdb]);
     }
+    // A raw volume's file is called after the header beside it.
+    let word = |format: Format| if format == Format::Raw { "raw" } else { format.extension() };
     let mut formats = Vec::new();
     for name in names {
-        match Format::ALL.into_iter().find(|format| format.name().eq_ignore_ascii_case(name)) {
+        match Format::ALL.into_iter().find(|&format| word(format).eq_ignore_ascii_case(name)) {
             Some(format) => formats.push(format),
             None if name == "all" => formats.extend(Format::ALL),
             None => return Err(Error::value("--format", name, "vdb, npy, npz, vol, raw or all")),

@@ -87,8 +87,7 @@ fn tiles_are_those_of_the_twin() {
 
 /// A demo scene.
 fn demo(name: &str) -> Scene {
-    let file = format!("{}/strokes/{name}.json", env!("CARGO_MANIFEST_DIR"));
-    scene_file::load(file.as_ref(), &[]).unwrap()
+    scene_file::load(&crate::root().join(format!("strokes/{name}.json")), &[]).unwrap()
 }
 
 fn solved(problem: &LightMapProblem, operator: &impl TransportOperator, scene: &Scene) -> (Solved, f64) {
@@ -285,7 +284,7 @@ fn what_exceeds_a_binding_is_taken_in_slabs_and_what_exceeds_the_memory_is_refus
     // A channel of the light map takes 36 KiB, the shadow map 256 KiB, the rows more.
     let sliced = solved(&problem, &on_device(&scene, &problem, &narrow(300 << 10), false), &scene);
     assert!(apart(&sliced.0.x, &whole.0.x) <= DEVICE_LIGHT_MAP);
-    let crowded = open(Choice { fault: Some(gpu::Fault::Memory), ..Choice::default() });
+    let crowded = open(Choice { fault: Some(Fault::Memory), ..Choice::default() });
     let refused = GpuLightMapOperator::new(&crowded, &problem, Strategy::Assembled, u64::MAX, false);
     assert!(matches!(&refused, Err(Error::AdapterMemory { .. })), "{refused:?}");
     let refused = GpuLightMapOperator::new(&gpu(), &problem, Strategy::Assembled, 1 << 20, false);

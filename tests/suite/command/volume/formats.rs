@@ -41,6 +41,17 @@ fn results_are_written_in_every_format_and_read_as_starts() {
 }
 
 #[test]
+fn a_format_is_asked_for_by_the_word_that_the_help_lists() {
+    let desk = desk();
+    let words = [("vdb", "vdb"), ("npy", "npy"), ("NPZ", "npz"), ("vol", "vol"), ("raw", "json")];
+    for (word, extension) in words {
+        let arguments = ["volume", "scene.json", "-q", "--turntable", "0", "--iterations", "1"];
+        desk.done(&[&arguments[..], &["-o", word, "--format", word]].concat());
+        assert!(desk.path(&format!("{word}/emission.{extension}")).is_file(), "{word}");
+    }
+}
+
+#[test]
 fn properties_may_differ_in_resolution() {
     let desk = desk();
     let emission = "volume.emission={\"value\": 0, \"size\": [5, 4, 6]}";
