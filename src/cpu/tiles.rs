@@ -186,7 +186,8 @@ impl<F: Real, const C: usize> Runs<F, C> {
         let mut found = Self { runs: Vec::new(), entries: Vec::new() };
         let mut open: Vec<(u32, [f64; C], Entries<F, C>)> = Vec::new();
         let mut spare: Vec<Entries<F, C>> = Vec::new();
-        for &row in of {
+        // A row without weight adds nothing.
+        for &row in of.iter().filter(|&&row| weights[row] != 0.0) {
             let mut whole = [0.0; C];
             rows.visit(row, &mut |element, weight| {
                 let (tile, place) = tiling.places[element];

@@ -17,6 +17,7 @@ mod environment;
 mod findings;
 mod folder;
 mod light_map;
+mod live;
 mod machine;
 mod matrix;
 mod observer;
@@ -43,6 +44,7 @@ pub(crate) use compute::device;
 pub(crate) use engine::Engine;
 pub use engine::{Backend, EngineChoice};
 pub(crate) use folder::Folder;
+pub use live::{LiveJob, Preview, Standing};
 pub use machine::{default_budget, free_memory, peak_memory, processor};
 pub use matrix::Exported;
 pub use observer::{Iteration, Observer, Quiet, Step, Stop, Wish};
@@ -198,7 +200,7 @@ impl Job {
     /// Errors: [`Error::Empty`] where it is of a volume.
     pub(crate) fn into_light_map(self) -> Result<Scene> {
         let scene = match self.scenes {
-            Scenes::LightMap(scene) => Arc::into_inner(scene),
+            Scenes::LightMap(scene) => Some(Arc::unwrap_or_clone(scene)),
             _ => None,
         };
         let reason = || "there is no scene of a light map".to_owned();
@@ -245,6 +247,14 @@ impl Job {
     /// there is none to go on from; [`crate::Error::File`] where the folder cannot be written.
     pub fn solve(&self, observer: &mut impl Observer) -> Result<Solution> {
         Solution::find(self, observer)
+    }
+
+    /// Keeps the job warm, for somebody who paints: see [`LiveJob`].
+    ///
+    /// Errors: [`Error::Empty`] for a scene without a light map, or where light reaches no pixel; [`Error::TooLarge`] where the rows of all
+    /// pixels do not fit.
+    pub fn live(self, preview: Preview) -> Result<LiveJob> {
+        LiveJob::new(self, preview)
     }
 
     /// Draws the views as they are, under the light of the scene or under a light map from a file, and writes them to a folder; names the

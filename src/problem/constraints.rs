@@ -20,6 +20,18 @@ pub struct Constraint {
 ///
 /// Errors: [`Error::Empty`] when nothing is painted.
 pub fn constraints(scene: &Scene) -> Result<Vec<Constraint>> {
+    let constraints = pixels(scene)?;
+    if constraints.iter().all(|pixel| pixel.weight <= 0.0) {
+        return Err(Error::Empty {
+            reason: "no pixel is painted in any view".to_owned(),
+            remedy: "add strokes or layers to at least one view",
+        });
+    }
+    Ok(constraints)
+}
+
+/// The same, where nothing need be painted yet.
+pub fn pixels(scene: &Scene) -> Result<Vec<Constraint>> {
     let mut constraints = Vec::new();
     for (view, painted) in scene.views.iter().enumerate() {
         let painting = super::paint(painted)?;
@@ -30,12 +42,6 @@ pub fn constraints(scene: &Scene) -> Result<Vec<Constraint>> {
                 constraints.push(Constraint { view, x, y, color: [r, g, b], weight });
             }
         }
-    }
-    if constraints.iter().all(|pixel: &Constraint| pixel.weight <= 0.0) {
-        return Err(Error::Empty {
-            reason: "no pixel is painted in any view".to_owned(),
-            remedy: "add strokes or layers to at least one view",
-        });
     }
     Ok(constraints)
 }

@@ -9,7 +9,7 @@ use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, con
 use crate::cpu::WalkPlan;
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::{Bounds, CpuVector};
-use crate::scene::{Quadrature, Rgb, Scene, SolveSettings, Strategy, Target};
+use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
 use crate::{Error, Result};
 
 /// The painted pixels of a scene as rows, and what they should become.
@@ -30,6 +30,9 @@ pub struct LightMapProblem {
     pub targets: Vec<Rgb>,
     /// The radiance of each row that is known: what comes from outside the light map and is not looked for.
     pub surroundings: Vec<Rgb>,
+    /// What each row shows under a white light as bright as the light is: what a tint is relative to.
+    white: Vec<Rgb>,
+    rule: Target,
     /// What the light map starts from: the radiance of the light.
     pub start: Rgb,
     /// What the elements behind the texels start from: the sun, where it is looked for, then the lights of the sky.
@@ -68,17 +71,8 @@ impl LightMapProblem {
                     Rows { traversal: traversal.among(Arc::new(surroundings)), surroundings: known, white }
                 }
             };
-        let targets = constraints
-            .iter()
-            .zip(&white)
-            .zip(&surroundings)
-            .map(|((pixel, white), around)| {
-                rgb(|c| match scene.target {
-                    Target::Tint => pixel.color[c] * white[c] - around[c],
-                    Target::Radiance => pixel.color[c] - around[c],
-                })
-            })
-            .collect();
+        let rows = constraints.iter().zip(&white).zip(&surroundings);
+        let targets = rows.map(|((pixel, white), around)| target(scene.target, pixel, white, around)).collect();
         let grey = scene.medium.is_grey() && traversal.surroundings().is_none_or(|shown| shown.is_grey());
         let plan = plan(&traversal, grey);
         let further_start = scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(start));
@@ -88,11 +82,29 @@ impl LightMapProblem {
             traversal,
             targets,
             surroundings,
+            white,
+            rule: scene.target,
             start,
             further_start,
             plan,
             grey,
         })
+    }
+
+    /// Paints the pixels of one view anew: their colours, weights and targets. The rows stay what they are.
+    ///
+    /// Shapes  painting: the view's picture
+    pub fn repaint(&mut self, view: usize, painting: &RgbaImage) {
+        let width = painting.size()[0];
+        for row in 0..self.constraints.len() {
+            let pixel = &mut self.constraints[row];
+            if pixel.view != view {
+                continue;
+            }
+            let [r, g, b, weight] = painting.pixels[pixel.y * width + pixel.x];
+            (pixel.color, pixel.weight) = ([r, g, b], weight);
+            self.targets[row] = target(self.rule, pixel, &self.white[row], &self.surroundings[row]);
+        }
     }
 
     /// What all elements start from: the texels, then those behind them.
@@ -170,6 +182,8 @@ impl LightMapProblem {
             maps: self.maps.clone(),
             targets: of(&self.targets, rows),
             surroundings: of(&self.surroundings, rows),
+            white: of(&self.white, rows),
+            rule: self.rule,
             start: self.start,
             further_start: self.further_start.clone(),
             plan: plan(&traversal, self.grey),
@@ -213,6 +227,14 @@ impl LightMapProblem {
             remedy: "raise medium.sigma_t or medium.albedo",
         })
     }
+}
+
+/// What is wanted of a row beyond what is known of it.
+fn target(rule: Target, pixel: &Constraint, white: &Rgb, known: &Rgb) -> Rgb {
+    rgb(|c| match rule {
+        Target::Tint => pixel.color[c] * white[c] - known[c],
+        Target::Radiance => pixel.color[c] - known[c],
+    })
 }
 
 /// What the rows are, and what of them is known.

@@ -22,7 +22,7 @@ mod transport;
 mod volume;
 
 pub use assess::{Assessment, Assessor, Match};
-pub use constraints::{Constraint, constraints};
+pub use constraints::{Constraint, constraints, pixels};
 pub use diffusion::{Diffused, Known, diffuse};
 pub use evenly::evenly;
 pub use extents::{Maps, fit};
@@ -36,7 +36,9 @@ pub use painting::paint;
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;
 pub use render::{Rendering, render};
-pub use solution::{Paused, Snapshot, Solved, SystemOperator, measure, method, minimize, solve, vectors};
+pub use solution::{
+    Begin, Paused, Snapshot, Solved, SystemOperator, measure, method, minimize, minimize_from, solve, vectors,
+};
 pub use surfaces::{Surfaces, Traced};
 pub use surroundings::SkyBeam;
 pub use system::{System, Weights};

@@ -108,18 +108,47 @@ pub fn minimize(
     coverage: &CpuVector,
     settings: &SolveSettings,
     resumed: Option<Paused>,
+    each: impl FnMut(&History, &mut dyn Snapshot) -> Result<Control>,
+) -> Result<Solved> {
+    let begin = resumed.map_or(Begin::AtTheStart, Begin::Resumed);
+    minimize_from(problem, operator, coverage, settings, begin, each)
+}
+
+/// Where [`minimize_from`] begins.
+#[derive(Debug)]
+pub enum Begin<'a> {
+    /// At x₀.
+    AtTheStart,
+    /// At other elements; the pull is to x₀ still, and progress relative to it.
+    At(&'a [Rgb]),
+    /// Where another solve was left.
+    Resumed(Paused),
+}
+
+/// [`minimize`]s from anywhere.
+pub fn minimize_from(
+    problem: &Formulation,
+    operator: &impl TransportOperator,
+    coverage: &CpuVector,
+    settings: &SolveSettings,
+    begin: Begin<'_>,
     mut each: impl FnMut(&History, &mut dyn Snapshot) -> Result<Control>,
 ) -> Result<Solved> {
     let system = System::new(problem, operator, coverage, settings)?;
     let limits = system.limits(problem, settings);
     let least_squares = system.problem();
     let mut method = method(settings.solver, system.operator());
-    let beginning = match resumed {
-        Some(paused) => {
+    let at;
+    let beginning = match begin {
+        Begin::Resumed(paused) => {
             restore(&mut *method, &paused.state)?;
             Beginning::Resumed(paused.history)
         }
-        None => Beginning::At(system.start()),
+        Begin::AtTheStart => Beginning::At(system.start()),
+        Begin::At(elements) => {
+            at = system.unknown(elements)?;
+            Beginning::From { x: &at, reference: system.start() }
+        }
     };
     let outcome = drive(&mut *method, &least_squares, beginning, &limits, |history, method| {
         each(history, &mut Moment { method, system: &system, problem, is_final: false })

@@ -126,7 +126,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
     }
 
     /// The unknown elements of all.
-    fn unknown(&self, elements: &[Rgb]) -> Result<V> {
+    pub(super) fn unknown(&self, elements: &[Rgb]) -> Result<V> {
         let picked: Vec<Rgb> = self.columns.iter().map(|&column| elements[column as usize]).collect();
         brought(self.operator.domain(), &picked)
     }

@@ -59,7 +59,7 @@ pub(crate) fn mixed(from: &Rgb, to: &Rgb, share: f64) -> Rgb {
 }
 
 /// Everything that a light-map solve starts from.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Scene {
     /// What the scene is called in titles and reports.
     pub name: String,

@@ -25,7 +25,7 @@ pub struct Progress {
 pub struct History {
     /// The start and every iteration since.
     pub progress: Vec<Progress>,
-    /// The squared norms that progress is relative to: those of the start.
+    /// The squared norms that progress is relative to: those at x₀.
     pub start: Measure,
     /// How often the method began again because its recursion had parted from the truth.
     pub restarts: usize,
@@ -44,6 +44,13 @@ pub struct History {
 pub enum Beginning<'a, V> {
     /// At x₀, which progress is relative to.
     At(&'a V),
+    /// At x, where something like it was solved before; progress is relative to x₀ still, which costs two applications more.
+    From {
+        /// Where it begins.
+        x: &'a V,
+        /// x₀.
+        reference: &'a V,
+    },
     /// Where a method stands whose state has been restored.
     Resumed(History),
 }
@@ -94,7 +101,13 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
         Beginning::Resumed(history) => History { settled: [false; 3], ..history },
         Beginning::At(x0) => {
             expect_len("the start", x0, method.solution().len())?;
-            judge.begin(method, x0)?
+            judge.begin(method, x0, None)?
+        }
+        Beginning::From { x, reference } => {
+            expect_len("the start", x, method.solution().len())?;
+            expect_len("the reference", reference, method.solution().len())?;
+            let reference = judge.measure(method, reference)?;
+            judge.begin(method, x, Some(reference))?
         }
     };
     let [seconds_before, applications_before] = history
@@ -154,15 +167,36 @@ struct Judge<'a, O: LinearOperator> {
 }
 
 impl<O: LinearOperator> Judge<'_, O> {
-    fn begin<M: Method<O> + ?Sized>(&self, method: &mut M, x: &O::Domain) -> Result<History> {
+    /// The squared norms at x, moved into the bounds that the method keeps.
+    fn measure<M: Method<O> + ?Sized>(&mut self, method: &M, x: &O::Domain) -> Result<Measure> {
+        let bounds = if method.keeps_bounds() { self.problem.bounds() } else { &Bounds::NONE };
+        let mut at = x.zeros_like();
+        at.copy_from(x);
+        at.clamp(bounds);
+        self.problem.residual(&at, &mut self.r)?;
+        self.problem.gradient(&self.r, &mut self.s)?;
+        Ok(Measure {
+            residual: self.r.norm_squared()?,
+            normal_residual: self.s.projected_norm_squared(&at, bounds)?,
+        })
+    }
+
+    /// Begins at x; progress is relative to what is measured there, or to `reference`.
+    fn begin<M: Method<O> + ?Sized>(
+        &self,
+        method: &mut M,
+        x: &O::Domain,
+        reference: Option<Measure>,
+    ) -> Result<History> {
         let before = self.problem.applications();
         method.begin(self.problem, x)?;
         let measure = finite(method.measure(), 0)?;
-        let mut start = floored(measure);
+        let reference = reference.unwrap_or(measure);
+        let mut start = floored(reference);
         let (rhs, rounding) = (self.problem.rhs().norm_squared()?, SOLVED * x.epsilon());
         for c in 0..3 {
             // Nothing but rounding is left, and there is nothing to be relative to.
-            if measure.residual[c] <= rounding.powi(2) * rhs[c] {
+            if reference.residual[c] <= rounding.powi(2) * rhs[c] {
                 start.normal_residual[c] = f64::INFINITY;
             }
         }

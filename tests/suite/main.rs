@@ -14,6 +14,7 @@ mod command;
 mod demo_scenes;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod job;
 mod layers;
 mod mutation;
 mod operator;
@@ -35,6 +36,7 @@ pub fn root() -> PathBuf {
 }
 
 /// The command, found in the same way.
+#[cfg(feature = "cli")]
 pub fn program() -> PathBuf {
     in_environment("UNSCATTER_PROGRAM", env!("CARGO_BIN_EXE_unscatter"))
 }

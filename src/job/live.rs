@@ -1,0 +1,306 @@
+//! A job that is kept warm: strokes change, rows stay, and the solve goes on from where it is.
+
+use std::sync::Arc;
+
+use glam::DAffine3;
+
+use super::observer::Stop;
+use super::{Job, budget};
+use crate::operator::CpuVector;
+use crate::problem::{
+    Begin, LightMapOperator, LightMapProblem, Paused, Traced, TransportOperator, minimize_from, paint, pixels,
+    render,
+};
+use crate::scene::{Image, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View};
+use crate::solve::StopReason;
+use crate::{Error, Result};
+
+/// How large the pictures of a live job are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Preview {
+    /// As the scene has them.
+    Full,
+    /// So many pixels wide, those that are wider.
+    Width(usize),
+}
+
+/// How far a live job is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Standing {
+    /// Iterations since the last change.
+    pub iterations: usize,
+    /// Applications of T and Tᵀ since the last change, those for setting up included.
+    pub applications: usize,
+    /// ‖projected gradient‖ a channel, relative to that at x₀.
+    pub gradient: [f64; 3],
+    /// ‖W(Tx − b)‖² and the pulls to x₀ a channel, relative to those at x₀.
+    pub objective: [f64; 3],
+    /// Why it stands here.
+    pub stop: StopReason,
+}
+
+/// A light map that is looked for while somebody paints.
+///
+/// Rows of all pixels of all views are kept; a change of strokes changes weights and targets only. Points and radii of strokes are in pixels
+/// of the full pictures.
+///
+/// Memory  8 bytes a non-zero of all pixels of the previews
+/// Law     ends where a solve from x₀ ends: the least of the same objective, since x₀ stays the centre of the pull
+#[derive(Debug)]
+pub struct LiveJob {
+    /// With pictures of the preview's size, and maps that do not move.
+    scene: Scene,
+    /// What a pixel of the full picture is in pixels of the preview, view by view.
+    scales: Vec<f32>,
+    settings: SolveSettings,
+    problem: LightMapProblem,
+    operator: Arc<LightMapOperator>,
+    /// All elements as they are.
+    x: Vec<Rgb>,
+    /// The method where it was left, until something changes.
+    paused: Option<(Paused, CpuVector)>,
+    /// Applications that setting up took after the last change.
+    set_up: usize,
+    stop: Stop,
+}
+
+impl LiveJob {
+    /// Errors: [`Error::Empty`] for a scene without a light map, or where light reaches no pixel; [`Error::TooLarge`] where the rows of all
+    /// pixels do not fit.
+    pub(super) fn new(job: Job, preview: Preview) -> Result<Self> {
+        let stop = job.options.stop.clone();
+        let mut scene = job.into_light_map()?;
+        // Where the maps lie is found once, at the full size, from what is painted at first.
+        let maps = crate::problem::fit(&scene, &scene.light_map)?;
+        scene.light_map.extent = Some(maps.light_map.extent);
+        scene.shadow_map.extent = Some(maps.shadow_map.grid().extent);
+        scene.solve.skip.pixels = false;
+        let widths: Vec<usize> = scene.views.iter().map(|view| view.camera.size()[0]).collect();
+        let views: Result<_> = scene.views.iter().map(|view| seen_at(view, preview)).collect();
+        scene.views = views?;
+        let pairs = scene.views.iter().zip(&widths);
+        let scales = pairs.map(|(view, &full)| view.camera.size()[0] as f32 / full as f32).collect();
+        let problem = LightMapProblem::of(&scene, pixels(&scene)?, &Traced)?;
+        let settings = budget::settled(&scene, &problem);
+        let budget = budget::budget(&scene, &settings, &problem)?;
+        let operator = problem.operator_with(settings.strategy, budget)?;
+        let x = problem.starts();
+        Ok(Self {
+            scene,
+            scales,
+            settings,
+            problem,
+            operator: Arc::new(operator),
+            x,
+            paused: None,
+            set_up: 0,
+            stop,
+        })
+    }
+
+    /// The names of the views.
+    pub fn views(&self) -> impl Iterator<Item = &str> {
+        self.scene.views.iter().map(|view| view.name.as_str())
+    }
+
+    /// The strokes of a view, in pixels of the preview.
+    ///
+    /// Errors: [`Error::Value`] for a view that there is not.
+    pub fn strokes(&self, view: &str) -> Result<&[Stroke]> {
+        Ok(&self.scene.views[self.view(view)?].strokes)
+    }
+
+    /// Pixels of the preview a pixel of the full picture.
+    ///
+    /// Errors: [`Error::Value`] for a view that there is not.
+    pub fn scale(&self, view: &str) -> Result<f32> {
+        Ok(self.scales[self.view(view)?])
+    }
+
+    /// Paints a stroke over what is painted on a view.
+    ///
+    /// Errors: [`Error::Value`] for a view that there is not, and for a stroke that paints no pixel; then nothing has changed.
+    pub fn paint(&mut self, view: &str, stroke: Stroke) -> Result<()> {
+        let index = self.view(view)?;
+        let stroke = scaled(stroke, self.scales[index]);
+        self.change(index, |strokes| {
+            strokes.push(stroke);
+            Ok(())
+        })
+    }
+
+    /// Puts another stroke in the place of one, or none.
+    ///
+    /// Errors: as [`Self::paint`], and [`Error::Value`] for a stroke that there is not.
+    pub fn replace(&mut self, view: &str, number: usize, stroke: Option<Stroke>) -> Result<()> {
+        let index = self.view(view)?;
+        let stroke = stroke.map(|stroke| scaled(stroke, self.scales[index]));
+        self.change(index, |strokes| {
+            if number >= strokes.len() {
+                let expected = "the number of one of the view's strokes";
+                return Err(Error::value(format!("{view}.strokes"), number, expected));
+            }
+            match stroke {
+                Some(stroke) => strokes[number] = stroke,
+                None => drop(strokes.remove(number)),
+            }
+            Ok(())
+        })
+    }
+
+    fn change(&mut self, index: usize, change: impl FnOnce(&mut Vec<Stroke>) -> Result<()>) -> Result<()> {
+        let mut view = self.scene.views[index].clone();
+        change(&mut view.strokes)?;
+        let painting = paint(&view)?;
+        self.scene.views[index] = view;
+        self.problem.repaint(index, &painting);
+        self.paused = None;
+        Ok(())
+    }
+
+    /// Goes back to x₀, as if nothing had been solved yet.
+    pub fn begin_anew(&mut self) {
+        self.x = self.problem.starts();
+        self.paused = None;
+    }
+
+    /// Goes on for so many iterations, or until the gradient has fallen to `solve.tolerance` of that at x₀, or somebody asks to stop, who
+    /// is heard within an iteration.
+    ///
+    /// Errors: [`Error::Empty`] where nothing is painted; those of the method.
+    pub fn advance(&mut self, iterations: usize) -> Result<Standing> {
+        if self.problem.constraints.iter().all(|pixel| pixel.weight <= 0.0) {
+            return Err(Error::Empty {
+                reason: "nothing is painted".to_owned(),
+                remedy: "paint a stroke on a view",
+            });
+        }
+        let resumed = self.paused.take();
+        let is_new = resumed.is_none();
+        let coverage = match &resumed {
+            Some((_, coverage)) => coverage.clone(),
+            None => self.operator.squares(&self.problem.weights())?,
+        };
+        let before = resumed.as_ref().map_or(0, |(paused, _)| paused.history.progress.len() - 1);
+        let settings = SolveSettings { iterations: before + iterations, ..self.settings.clone() };
+        let formulation = self.problem.formulation(&settings)?;
+        let begin = match resumed {
+            Some((paused, _)) => Begin::Resumed(paused),
+            None => Begin::At(&self.x),
+        };
+        let (stop, mut left) = (&self.stop, None);
+        let solved = minimize_from(
+            &formulation,
+            &*self.operator,
+            &coverage,
+            &settings,
+            begin,
+            |history, snapshot| {
+                if snapshot.is_final() {
+                    left = Some(Paused { history: history.clone(), state: snapshot.state()? });
+                }
+                Ok(stop.control())
+            },
+        )?;
+        let outcome = &solved.outcome;
+        if is_new {
+            // The squares of the weights are a pass over the rows, as an application is.
+            self.set_up = 1 + solved.set_up_applications;
+        }
+        let last = outcome.history.progress.last();
+        let applications = self.set_up + last.map_or(0, |last| last.operator_applications);
+        let standing = Standing {
+            iterations: outcome.stop.iteration,
+            applications,
+            gradient: outcome.true_normal_residual,
+            objective: outcome.true_residual.map(|residual| residual.powi(2)),
+            stop: outcome.stop.reason,
+        };
+        self.x = solved.x;
+        self.paused = left.map(|left| (left, coverage));
+        Ok(standing)
+    }
+
+    /// The picture of a view under the light map as it is.
+    ///
+    /// Units   radiance
+    /// Errors  [`Error::Value`] for a view that there is not
+    pub fn picture(&self, view: &str) -> Result<Image> {
+        let index = self.view(view)?;
+        Ok(render(&self.scene, &self.problem.maps, Some(&self.x), index)?.after)
+    }
+
+    /// What is painted on a view.
+    ///
+    /// Errors: [`Error::Value`] for a view that there is not.
+    pub fn painting(&self, view: &str) -> Result<RgbaImage> {
+        paint(&self.scene.views[self.view(view)?])
+    }
+
+    /// The light map as it is.
+    pub fn light_map(&self) -> Result<Image> {
+        let [texels, _] = self.problem.parted(&self.x);
+        Image::new(self.problem.maps.light_map.size, texels.to_vec())
+    }
+
+    /// What ends an [`Self::advance`] from another thread.
+    pub fn stop(&self) -> Stop {
+        self.stop.clone()
+    }
+
+    fn view(&self, name: &str) -> Result<usize> {
+        let index = self.scene.views.iter().position(|view| view.name == name);
+        index.ok_or_else(|| Error::value("view", name, "the name of one of the scene's views"))
+    }
+}
+
+/// A view whose picture is no wider than the preview.
+fn seen_at(view: &View, preview: Preview) -> Result<View> {
+    let [width, height] = view.camera.size();
+    let to = match preview {
+        Preview::Width(to) if to < width => to.max(1),
+        _ => return Ok(view.clone()),
+    };
+    let scale = to as f32 / width as f32;
+    let size = [to, ((height as f32 * scale).round() as usize).max(1)];
+    Ok(View {
+        name: view.name.clone(),
+        camera: view.camera.moved(DAffine3::IDENTITY, size)?,
+        strokes: view.strokes.iter().cloned().map(|stroke| scaled(stroke, scale)).collect(),
+        layers: view.layers.iter().map(|layer| shrunk(layer, size)).collect(),
+    })
+}
+
+fn scaled(stroke: Stroke, scale: f32) -> Stroke {
+    Stroke {
+        points: stroke.points.iter().map(|point| point.map(|x| x * scale)).collect(),
+        radius: stroke.radius * scale,
+        ..stroke
+    }
+}
+
+/// A painted layer of another size: each pixel the mean of those that it covers, colours weighted by their alpha.
+fn shrunk(layer: &RgbaImage, [width, height]: [usize; 2]) -> RgbaImage {
+    let [full_width, full_height] = layer.size();
+    let mut small = RgbaImage::transparent([width, height]);
+    for (index, pixel) in small.pixels.iter_mut().enumerate() {
+        let (x, y) = (index % width, index / width);
+        let span = |at: usize, of: usize, all: usize| {
+            let first = at * all / of;
+            first..((at + 1) * all / of).max(first + 1)
+        };
+        let (mut sum, mut count) = ([0.0f64; 4], 0.0);
+        for v in span(y, height, full_height) {
+            for u in span(x, width, full_width) {
+                let [r, g, b, a] = layer.pixels[v * full_width + u].map(f64::from);
+                sum = [sum[0] + r * a, sum[1] + g * a, sum[2] + b * a, sum[3] + a];
+                count += 1.0;
+            }
+        }
+        let [r, g, b, a] = sum;
+        if a > 0.0 {
+            *pixel = [r / a, g / a, b / a, a / count].map(|value| value as f32);
+        }
+    }
+    small
+}

@@ -1,0 +1,164 @@
+//! A job through the library alone, and one that is kept warm.
+
+use unscatter::Error;
+use unscatter::job::{Iteration, Job, LiveJob, Observer, Options, Preview, Quiet, Solution, Step, Stop, Wish};
+use unscatter::scene::Stroke;
+
+use crate::root;
+
+fn citadel(overrides: &[&str]) -> Job {
+    let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
+    Job::open_with(root().join("strokes/citadel.json"), &overrides).unwrap()
+}
+
+/// The citadel with a small light map.
+const SMALL: [&str; 2] = ["light_map.size=96", "shadow_map.size=256"];
+
+#[test]
+fn everything_may_go_to_another_thread() {
+    fn is_send<T: Send>() {}
+    is_send::<Job>();
+    is_send::<Solution>();
+    is_send::<LiveJob>();
+    is_send::<Stop>();
+}
+
+/// Writes down what it hears, and stops after some iterations.
+#[derive(Default)]
+struct Listener {
+    heard: Vec<String>,
+    iterations: usize,
+    stops_after: Option<usize>,
+}
+
+impl Observer for Listener {
+    fn begins(&mut self, step: &Step<'_>) {
+        self.heard.push(step.name.to_owned());
+    }
+
+    fn iterated(&mut self, at: &Iteration<'_>) -> Wish {
+        self.iterations += 1;
+        match self.stops_after {
+            Some(most) if at.progress.iteration >= most => Wish::Stop,
+            _ => Wish::GoOn,
+        }
+    }
+}
+
+#[test]
+fn an_observer_hears_every_step_and_what_it_stops_is_kept() {
+    let job = citadel(&SMALL);
+    let mut whole = Listener::default();
+    let found = job.solve(&mut whole).unwrap();
+    assert_eq!(whole.heard, ["tracing", "walking", "solving", "assessing", "rendering"]);
+    assert!(!found.is_interrupted());
+    assert_eq!(whole.iterations as u64, found.report().stop.iteration);
+    assert!(found.certificate().value.iter().all(|&gradient| gradient <= 1.5e-3));
+
+    let mut short = Listener { stops_after: Some(3), ..Listener::default() };
+    let cut = job.solve(&mut short).unwrap();
+    assert!(cut.is_interrupted() && short.iterations == 3);
+    let residual = |found: &Solution| found.report().weighted_residual.after;
+    assert!(residual(&found) < residual(&cut) && residual(&cut) < found.report().weighted_residual.before);
+
+    // A request from elsewhere is heard as well.
+    let options = Options::default();
+    options.stop.ask();
+    let stopped = citadel(&SMALL).with(options).solve(&mut Quiet).unwrap();
+    assert!(stopped.is_interrupted() && stopped.report().stop.iteration <= 1);
+}
+
+#[test]
+fn a_solution_has_its_light_map_pictures_and_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = citadel(&SMALL).solve(&mut Quiet).unwrap();
+    assert_eq!(found.light_map().unwrap().size(), [96, 96]);
+    let court = found.picture("court").unwrap();
+    assert!(matches!(found.picture("nowhere"), Err(Error::Value { .. })));
+    assert!(matches!(found.volume(), Err(Error::Empty { .. })));
+    let written = found.write(folder.path()).unwrap();
+    assert!(written.report.timings["total"] > 0.0);
+    let read = |name: &str| unscatter::io::image::read_image(&folder.path().join(name)).unwrap();
+    assert_eq!(read("light_map.exr").pixels, found.light_map().unwrap().pixels);
+    assert_eq!(read("court_after.exr").pixels, court.pixels);
+
+    // Without pictures there is the same light map, and none of them.
+    let bare = Options { pictures: false, ..Options::default() };
+    let folder = tempfile::tempdir().unwrap();
+    let found = citadel(&SMALL).with(bare).solve(&mut Quiet).unwrap();
+    assert_eq!(found.picture("court").unwrap().pixels, court.pixels);
+    found.write(folder.path()).unwrap();
+    assert!(folder.path().join("report.html").is_file());
+    assert!(!folder.path().join("court_after.png").exists());
+}
+
+/// The court of the citadel as it is painted on: previews of so many pixels.
+fn live(width: usize) -> LiveJob {
+    citadel(&[]).live(Preview::Width(width)).unwrap()
+}
+
+#[test]
+fn solving_on_after_a_stroke_takes_a_third_and_ends_at_the_same() {
+    let mut live = live(240);
+    live.advance(400).unwrap();
+    let stroke = live.strokes("court").unwrap()[0].clone();
+    let other = Stroke { color: [0.1, 0.9, 0.3], ..stroke };
+    // Strokes are in pixels of the preview there, and in those of the full picture here.
+    let scale = 1.0 / live.scale("court").unwrap();
+    let full = Stroke {
+        points: other.points.iter().map(|point| point.map(|x| x * scale)).collect(),
+        radius: other.radius * scale,
+        ..other
+    };
+    live.replace("court", 0, Some(full)).unwrap();
+    let on = live.advance(400).unwrap();
+    live.begin_anew();
+    let anew = live.advance(400).unwrap();
+    println!("going on: {on:?}\nfrom the start: {anew:?}");
+    assert!(on.applications * 3 < anew.applications, "{} of {}", on.applications, anew.applications);
+    for c in 0..3 {
+        assert!((on.objective[c] / anew.objective[c] - 1.0).abs() < 1e-4, "{on:?} and {anew:?}");
+    }
+}
+
+#[test]
+fn what_goes_on_without_a_change_is_one_solve_to_the_bit() {
+    let (mut whole, mut pieces) = (live(120), live(120));
+    let all = whole.advance(9).unwrap();
+    pieces.advance(4).unwrap();
+    let rest = pieces.advance(5).unwrap();
+    assert_eq!((all.iterations, all.applications), (rest.iterations, rest.applications));
+    assert_eq!(whole.light_map().unwrap().pixels, pieces.light_map().unwrap().pixels);
+}
+
+#[test]
+fn strokes_come_and_go_and_nothing_changes_where_one_is_refused() {
+    let mut live = live(120);
+    let before = live.painting("court").unwrap();
+    let dab = Stroke {
+        points: vec![[300.0, 200.0]],
+        radius: 30.0,
+        hardness: 1.0,
+        opacity: 1.0,
+        color: [1.0, 0.0, 0.0],
+    };
+    live.paint("court", dab.clone()).unwrap();
+    assert_ne!(live.painting("court").unwrap().pixels, before.pixels);
+    let last = live.strokes("court").unwrap().len() - 1;
+    live.replace("court", last, None).unwrap();
+    assert_eq!(live.painting("court").unwrap().pixels, before.pixels);
+    let beside = Stroke { points: vec![[-900.0, 0.0]], ..dab.clone() };
+    assert!(live.paint("court", beside).is_err());
+    assert!(live.paint("nowhere", dab.clone()).is_err());
+    assert!(live.replace("court", 99, Some(dab)).is_err());
+    assert_eq!(live.painting("court").unwrap().pixels, before.pixels);
+    // Nothing painted anywhere: there is nothing to solve.
+    for view in live.views().map(str::to_owned).collect::<Vec<_>>() {
+        while !live.strokes(&view).unwrap().is_empty() {
+            live.replace(&view, 0, None).unwrap();
+        }
+    }
+    assert!(matches!(live.advance(1), Err(Error::Empty { .. })));
+    live.stop().ask();
+    assert!(live.picture("court").is_ok());
+}
