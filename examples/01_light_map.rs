@@ -1,6 +1,6 @@
 //! From painted strokes to a light map, in one file: `cargo run --release --example 01_light_map -- DIR`.
 //!
-//! What one learns: a scene is plain data (light, medium, geometry, views with strokes); [`LightMapProblem`] turns it
+//! What one learns: a scene is plain data (light, medium, triangles, views with strokes); [`LightMapProblem`] turns it
 //! into rows and targets; `solve` finds the light map; [`Assessor`] says how well it does; `render` draws with it.
 
 #![allow(clippy::print_stdout, reason = "an example says what it does")]
@@ -11,13 +11,13 @@ use glam::{DAffine3, DVec3};
 use unscatter::io::image::write_png;
 use unscatter::problem::{Assessor, LightMapProblem, TransportOperator, render, solve};
 use unscatter::scene::{
-    Camera, DirectionalLight, FovAxis, Geometry, Image, MapSettings, Medium, Primitive, Scene, SolveSettings,
+    Camera, DirectionalLight, FovAxis, Image, MapSettings, Medium, Mesh, Primitive, Scene, SolveSettings,
     Stroke, Target, View, look_at,
 };
 use unscatter::solve::Control;
 
 /// A barn: a floor, three walls, and a roof of slats.
-fn barn() -> unscatter::Result<Geometry> {
+fn barn() -> unscatter::Result<Mesh> {
     let [along, across] = [DVec3::new(0.0, 0.0, 24.0), DVec3::new(30.0, 0.0, 0.0)];
     let floor = Primitive::Plane { centre: DVec3::ZERO, sides: [along, across] };
     let mut mesh = floor.mesh([0.05; 3])?;
@@ -32,7 +32,7 @@ fn barn() -> unscatter::Result<Geometry> {
     for slat in -5..=5 {
         add([3.0, 8.0, 2.2 * f64::from(slat)], [24.0, 0.2, 1.8])?;
     }
-    Geometry::new(mesh)
+    Ok(mesh)
 }
 
 /// A stroke of 12 pixels half width; the colour is linear.
@@ -56,7 +56,7 @@ fn scene() -> unscatter::Result<Scene> {
         name: "barn".to_owned(),
         light: DirectionalLight::new(DVec3::new(0.05, -1.0, 0.3), [40.0; 3])?,
         medium: Medium::new([0.04; 3], [0.9; 3], 0.2)?,
-        geometry: barn()?,
+        mesh: barn()?.into(),
         ambient: [0.02; 3],
         surroundings: None,
         views: vec![view],

@@ -142,9 +142,10 @@ pub(super) fn run(arguments: &CheckArguments, manners: &Manners) -> Result<Done>
         Subject::Volume | Subject::Animation => {
             let scenes = job::load_volumes(&arguments.scene)?;
             let engine = Engine::choose(&arguments.backend)?;
+            let geometry = job::geometry_of(scenes.iter().map(|(_, scene)| scene))?;
             let mut verdicts = Vec::new();
             for (_, scene) in &scenes {
-                for (find, problem) in super::volume::problems(scene, &mut steps)? {
+                for (find, problem) in super::volume::problems(scene, &geometry, &mut steps)? {
                     steps.begin("checking", None);
                     let name = format!("{}, {}", scene.name, find.name());
                     verdicts.extend(check(&name, &problem.sampled(ROWS), &engine, &mut words)?);

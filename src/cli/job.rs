@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use super::args::SceneArguments;
 use super::machine;
 use crate::cpu::Tiling;
@@ -5,6 +7,7 @@ use crate::io::scene_file::{AnimatedVolume, Subject};
 use crate::march::Surroundings;
 use crate::problem::{LightMapProblem, constraints};
 use crate::scene::{KeyFrame, MetricName, Scene, SolveSettings, VolumeScene};
+use crate::visibility::Geometry;
 use crate::{Error, Result, io};
 
 const COLOR: usize = size_of::<[f32; 3]>();
@@ -85,6 +88,12 @@ pub(super) fn load_volumes(arguments: &SceneArguments) -> Result<Vec<(String, Vo
         (super::volume::of_frame("frame", key.frame), VolumeScene { name, ..key.scene })
     };
     Ok(keys.map(named).collect())
+}
+
+/// The hierarchy over the triangles of a command's volume scenes, which those of key frames share.
+pub(super) fn geometry_of<'a>(scenes: impl IntoIterator<Item = &'a VolumeScene>) -> Result<Arc<Geometry>> {
+    let mesh = scenes.into_iter().next().map(|scene| scene.mesh.clone());
+    Ok(Arc::new(Geometry::new(mesh.unwrap_or_default())?))
 }
 
 /// The overrides of a command, and those that its flags stand for.

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use super::args::LightMapArguments;
 use super::compute::{Computed, Task, Watch};
 use super::engine::{Engine, On};
@@ -8,10 +10,13 @@ use super::progress::{Steps, watch_interrupt};
 use super::results::{Folder, Painted, ViewPictures};
 use super::{Done, Manners, job, resume};
 use crate::operator::CpuVector;
-use crate::problem::{Assessment, LightMapProblem, render};
+#[cfg(feature = "gpu")]
+use crate::problem::Rasterized;
+use crate::problem::{Assessment, LightMapProblem, Traced, render};
 use crate::report::{self, Report};
 use crate::scene::{Environment, Image, Rgb, Scene, Sky};
 use crate::solve::StopReason;
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// `unscatter light-map`: from painted strokes to a light map, pictures and a report.
@@ -76,16 +81,17 @@ pub(crate) fn run(arguments: &LightMapArguments, manners: &Manners) -> Result<Do
 ///
 /// Errors: [`Error::Adapter`] for a depth pass without an adapter.
 fn trace(scene: &Scene, engine: &Engine, rasterize: bool) -> Result<LightMapProblem> {
+    let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
     if !rasterize {
-        return LightMapProblem::new(scene);
+        return LightMapProblem::with(scene, &geometry, &Traced);
     }
     match engine {
         #[cfg(feature = "gpu")]
         Engine::Gpu { gpu, or_cpu } => {
-            match LightMapProblem::with(scene, &crate::problem::Rasterized(gpu.clone())) {
+            match LightMapProblem::with(scene, &geometry, &Rasterized(gpu.clone())) {
                 Err(error) if *or_cpu && error.is_of_adapter() => {
                     tracing::warn!("{error}; tracing rays instead");
-                    LightMapProblem::new(scene)
+                    LightMapProblem::with(scene, &geometry, &Traced)
                 }
                 problem => problem,
             }

@@ -80,7 +80,7 @@ fn of_volume(arguments: &MatrixArguments, steps: &mut Steps) -> Result<System> {
     // Of several key frames the first.
     let (_, scene) = job::load_volumes(&arguments.scene)?.swap_remove(0);
     // Of several stages the first: the others depend on what it finds.
-    let (_, problem) = super::volume::problems(&scene, steps)?.swap_remove(0);
+    let (_, problem) = super::volume::problems(&scene, &job::geometry_of([&scene])?, steps)?.swap_remove(0);
     let problem = problem.in_reading_order();
     if !problem.is_grey() {
         return Err(Error::value(

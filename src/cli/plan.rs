@@ -1,3 +1,4 @@
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -7,8 +8,9 @@ use super::progress::Steps;
 use super::{Done, Manners, job, machine, to_json};
 use crate::io::scene_file::Subject;
 use crate::operator::{LinearOperator, Vector};
-use crate::problem::LightMapProblem;
+use crate::problem::{LightMapProblem, Traced};
 use crate::scene::Strategy;
+use crate::visibility::Geometry;
 use crate::{Result, io};
 
 /// Rows that are timed.
@@ -52,8 +54,9 @@ pub(super) fn run(arguments: &SceneArguments, manners: &Manners) -> Result<Done>
     let mut scene = job::load(arguments, &[])?;
     job::check_surroundings(&scene)?;
     steps.begin("tracing", None);
+    let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
     let clock = Instant::now();
-    let problem = LightMapProblem::new(&scene)?;
+    let problem = LightMapProblem::with(&scene, &geometry, &Traced)?;
     let set_up_seconds = clock.elapsed().as_secs_f64();
     job::settle_metric(&mut scene, &problem);
     let budget = job::budget(&scene, &problem)?;

@@ -10,6 +10,7 @@ use crate::cpu::WalkPlan;
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::{Bounds, CpuVector};
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// The painted pixels of a scene as rows, and what they should become.
@@ -42,18 +43,20 @@ pub struct LightMapProblem {
 }
 
 impl LightMapProblem {
-    /// Paints the views, finds the depth behind every painted pixel, places the maps, and computes the targets.
+    /// Builds the hierarchy over the scene's triangles, paints the views, finds the depth behind every painted pixel, places the
+    /// maps, and computes the targets.
     ///
-    /// Errors: [`Error::Empty`] when nothing is painted or every painted pixel is in shadow.
+    /// Errors: [`Error::Empty`] when nothing is painted or every painted pixel is in shadow; those of [`Geometry::new`].
     pub fn new(scene: &Scene) -> Result<Self> {
-        Self::with(scene, &Traced)
+        Self::with(scene, &Arc::new(Geometry::new(scene.mesh.clone())?), &Traced)
     }
 
-    /// The same, with surfaces found in a way of the caller's.
-    pub fn with(scene: &Scene, surfaces: &dyn Surfaces) -> Result<Self> {
+    /// The same over a hierarchy that is there, which must be of the scene's triangles, with surfaces found in a way of the
+    /// caller's.
+    pub fn with(scene: &Scene, geometry: &Arc<Geometry>, surfaces: &dyn Surfaces) -> Result<Self> {
         let (constraints, paintings) = constraints(scene)?;
-        let lengths = surfaces.lengths(scene, &constraints)?;
-        let maps = fit_to(scene, &constraints, &lengths, surfaces)?;
+        let lengths = surfaces.lengths(scene, geometry, &constraints)?;
+        let maps = fit_to(scene, geometry, &constraints, &lengths, surfaces)?;
         let rays: Arc<[ViewRay]> = constraints
             .par_iter()
             .zip(&lengths)

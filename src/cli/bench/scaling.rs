@@ -239,10 +239,11 @@ fn each<T, U>(values: impl IntoIterator<Item = T>, make: impl FnMut(T) -> Result
     values.into_iter().take_while(|_| !interrupted()).map(make).collect()
 }
 
-/// The problem, and the seconds that making it takes.
+/// The problem, and the seconds that making it takes once there is a hierarchy.
 fn made(stage: Stage) -> Result<(Problem, f64)> {
+    let geometry = stage.geometry()?;
     let clock = Instant::now();
-    let problem = stage.problem()?;
+    let problem = stage.problem_over(&geometry)?;
     Ok((problem, clock.elapsed().as_secs_f64()))
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::cases::Between;
 use crate::cli::args::SceneArguments;
@@ -11,11 +12,12 @@ use crate::cpu::WalkPlan;
 use crate::io::scene_file::{self, Subject};
 use crate::march::{LightMapTraversal, Traversal, VolumeTransport, VolumeTraversal};
 use crate::operator::CpuVector;
-use crate::problem::{Formulation, HostOperator, LightMapProblem, VolumeProblem, VolumeRows, evenly};
+use crate::problem::{Formulation, HostOperator, LightMapProblem, Traced, VolumeProblem, VolumeRows, evenly};
 use crate::scene::{
     Basis, Find, Interpolation, Quadrature, Rgb, Scene, SolveSettings, Strategy, VolumeScene, Weight,
 };
 use crate::sparse::ExplicitMatrix;
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// Non-zeros that an explicit matrix may have.
@@ -124,16 +126,31 @@ impl Stage {
         }
     }
 
+    /// The hierarchy over its triangles.
+    pub(super) fn geometry(&self) -> Result<Arc<Geometry>> {
+        let mesh = match self {
+            Self::LightMap(scene) => &scene.mesh,
+            Self::Volume(scene) => &scene.mesh,
+        };
+        Ok(Arc::new(Geometry::new(mesh.clone())?))
+    }
+
     /// Its problem; of several stages the first.
     pub(super) fn problem(&self) -> Result<Problem> {
+        self.problem_over(&self.geometry()?)
+    }
+
+    /// The same over a hierarchy that is there.
+    pub(super) fn problem_over(&self, geometry: &Arc<Geometry>) -> Result<Problem> {
         Ok(match self {
             Self::LightMap(scene) => {
-                let mut scene_problem = LightMapProblem::new(scene)?;
+                let mut scene_problem = LightMapProblem::with(scene, geometry, &Traced)?;
                 scene_problem.paintings.clear();
                 Problem::LightMap(scene_problem)
             }
             Self::Volume(scene) => {
-                let (find, problem) = volume::problems(scene, &mut Steps::new(true))?.swap_remove(0);
+                let (find, problem) =
+                    volume::problems(scene, geometry, &mut Steps::new(true))?.swap_remove(0);
                 Problem::Volume(find, problem)
             }
         })

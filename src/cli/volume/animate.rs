@@ -95,11 +95,13 @@ fn solve<'a>(
     steps: &mut Steps,
 ) -> Result<Vec<SolvedKey<'a>>> {
     let mut keys = Vec::new();
+    steps.begin("lighting", None);
+    let geometry = job::geometry_of(animated.animation.keys.iter().map(|key| &key.scene))?;
     for (index, key) in animated.animation.keys.iter().enumerate() {
         steps.within(format!("frame {}", key.frame));
         let prefix = of_frame("key", key.frame);
         let place = Place { solve: &arguments.solve, folder, prefix: &prefix, is_later: index > 0 };
-        let outcome = staging::run(&key.scene, engine, place, steps)?;
+        let outcome = staging::run(&key.scene, &geometry, engine, place, steps)?;
         // Its checkpoint.
         folder.publish()?;
         let is_interrupted = outcome.is_interrupted();
@@ -224,7 +226,7 @@ impl Film<'_> {
             state.medium.extinction = extinction.into();
         }
         steps.begin("lighting", None);
-        let optics = Optics::new(from.scene, &state)?;
+        let optics = Optics::new(from.scene, from.optics.geometry(), &state)?;
         let pictures = draw(from.scene, &state, &optics, steps)?;
         Ok(Some((state, pictures)))
     }

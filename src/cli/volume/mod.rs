@@ -10,6 +10,8 @@ mod stage;
 mod staging;
 mod turntable;
 
+use std::sync::Arc;
+
 use super::args::VolumeArguments;
 use super::engine::Engine;
 use super::environment::write_environment;
@@ -19,6 +21,7 @@ use super::{Done, Manners, job};
 use crate::problem::{Desired, Model, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use crate::report::{self, Report};
 use crate::scene::{Find, Image, VolumeMedium, VolumeScene};
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 use findings::Findings;
 use stage::Place;
@@ -40,7 +43,9 @@ pub(super) fn run(arguments: &VolumeArguments, manners: &Manners) -> Result<Done
     watch_interrupt()?;
 
     let place = Place { solve: &arguments.solve, folder: &folder, prefix: "", is_later: false };
-    let outcome = staging::run(&scene, &mut engine, place, &mut steps)?;
+    steps.begin("lighting", None);
+    let geometry = job::geometry_of([&scene])?;
+    let outcome = staging::run(&scene, &geometry, &mut engine, place, &mut steps)?;
     let Outcome { state, optics, desired, last, .. } = &outcome;
     steps.begin("turning", None);
     let model = VolumeProblem::model(&scene, last.find);
@@ -70,10 +75,14 @@ pub(super) fn run(arguments: &VolumeArguments, manners: &Manners) -> Result<Done
 }
 
 /// The problems of a scene's stages, each from the scene's own medium.
-pub(super) fn problems(scene: &VolumeScene, steps: &mut Steps) -> Result<Vec<(Find, VolumeProblem)>> {
+pub(super) fn problems(
+    scene: &VolumeScene,
+    geometry: &Arc<Geometry>,
+    steps: &mut Steps,
+) -> Result<Vec<(Find, VolumeProblem)>> {
     let first = *scene.stages.first().ok_or_else(nothing_asked)?;
     steps.begin("lighting", None);
-    let optics = Optics::new(scene, &VolumeState::of(scene)?)?;
+    let optics = Optics::new(scene, geometry, &VolumeState::of(scene)?)?;
     let renderer = VolumeRenderer::new(scene, &scene.medium, &optics, VolumeProblem::model(scene, first));
     let desired = Desired::of(scene, &|view| renderer.picture(view))?;
     steps.begin("tracing", None);

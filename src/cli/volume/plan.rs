@@ -1,3 +1,4 @@
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -10,6 +11,7 @@ use super::super::{Done, Manners, job, machine, to_json};
 use super::memory;
 use crate::problem::VolumeProblem;
 use crate::scene::{Find, Strategy, VolumeScene};
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// Rows that are timed.
@@ -50,8 +52,10 @@ pub(in crate::cli) fn plan(arguments: &SceneArguments, manners: &Manners) -> Res
     let mut steps = Steps::new(manners.quiet);
     steps.begin("reading", None);
     let mut plans = Vec::new();
-    for (_, scene) in job::load_volumes(arguments)? {
-        plans.extend(plans_of(&scene, &mut steps)?);
+    let scenes = job::load_volumes(arguments)?;
+    let geometry = job::geometry_of(scenes.iter().map(|(_, scene)| scene))?;
+    for (_, scene) in &scenes {
+        plans.extend(plans_of(scene, &geometry, &mut steps)?);
     }
     steps.finish();
     let words: Vec<String> = plans.iter().map(words).collect();
@@ -60,9 +64,9 @@ pub(in crate::cli) fn plan(arguments: &SceneArguments, manners: &Manners) -> Res
 }
 
 /// What each stage of a scene would take.
-fn plans_of(scene: &VolumeScene, steps: &mut Steps) -> Result<Vec<Plan>> {
+fn plans_of(scene: &VolumeScene, geometry: &Arc<Geometry>, steps: &mut Steps) -> Result<Vec<Plan>> {
     let clock = Instant::now();
-    let problems = super::problems(scene, steps)?;
+    let problems = super::problems(scene, geometry, steps)?;
     let set_up_seconds = clock.elapsed().as_secs_f64();
     let mut plans = Vec::with_capacity(problems.len());
     for (find, problem) in problems {

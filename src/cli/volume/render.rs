@@ -20,8 +20,11 @@ pub(in crate::cli) fn render(arguments: &RenderArguments, manners: &Manners) -> 
     let folder = Folder::create(arguments.output.output.clone(), &arguments.scene.scene)?;
     watch_interrupt()?;
     let mut written = Vec::new();
+    let geometry = job::geometry_of(scenes.iter().map(|(_, scene)| scene))?;
     for (prefix, scene) in &scenes {
-        if !draw(scene, prefix, arguments.turntable as usize, &folder, &mut steps, &mut written)? {
+        steps.begin("lighting", None);
+        let optics = Optics::new(scene, &geometry, &VolumeState::of(scene)?)?;
+        if !draw(scene, &optics, prefix, arguments.turntable as usize, &folder, &mut steps, &mut written)? {
             return Ok(Done::Interrupted);
         }
     }
@@ -34,6 +37,7 @@ pub(in crate::cli) fn render(arguments: &RenderArguments, manners: &Manners) -> 
 /// Draws a scene and names the files; false when it was interrupted.
 fn draw(
     scene: &VolumeScene,
+    optics: &Optics,
     prefix: &str,
     turns: usize,
     folder: &Folder,
@@ -41,10 +45,8 @@ fn draw(
     written: &mut Vec<String>,
 ) -> Result<bool> {
     let in_folder = |name: String| folder.path().join(name).display().to_string();
-    steps.begin("lighting", None);
-    let optics = Optics::new(scene, &VolumeState::of(scene)?)?;
     let last = *scene.stages.last().ok_or_else(nothing_asked)?;
-    let renderer = VolumeRenderer::new(scene, &scene.medium, &optics, VolumeProblem::model(scene, last));
+    let renderer = VolumeRenderer::new(scene, &scene.medium, optics, VolumeProblem::model(scene, last));
     steps.begin("rendering", Some(scene.views.len() as u64));
     for (view, seen) in scene.views.iter().enumerate() {
         if interrupted() {
