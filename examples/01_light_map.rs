@@ -1,6 +1,6 @@
 //! From painted strokes to a light map, in one file: `cargo run --release --example 01_light_map -- DIR`.
 //!
-//! What one learns: a scene is plain data (light, medium, geometry, views with strokes); a [`Job`] finds what is looked for in it, and its
+//! What one learns: a scene is plain data (light, medium, triangles, views with strokes); a [`Job`] finds what is looked for in it, and its
 //! solution has the light map, pictures, numbers and files. A scene file does as well: `Job::open("strokes/citadel.json")`.
 
 #![allow(clippy::print_stdout, reason = "an example says what it does")]
@@ -10,12 +10,12 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3};
 use unscatter::job::{Job, Quiet};
 use unscatter::scene::{
-    Camera, DirectionalLight, FovAxis, Geometry, MapSettings, Medium, Primitive, Scene, SolveSettings, Stroke,
+    Camera, DirectionalLight, FovAxis, MapSettings, Medium, Mesh, Primitive, Scene, SolveSettings, Stroke,
     Target, View, look_at,
 };
 
 /// A barn: a floor, three walls, and a roof of slats.
-fn barn() -> unscatter::Result<Geometry> {
+fn barn() -> unscatter::Result<Mesh> {
     let [along, across] = [DVec3::new(0.0, 0.0, 24.0), DVec3::new(30.0, 0.0, 0.0)];
     let floor = Primitive::Plane { centre: DVec3::ZERO, sides: [along, across] };
     let mut mesh = floor.mesh([0.05; 3])?;
@@ -30,7 +30,7 @@ fn barn() -> unscatter::Result<Geometry> {
     for slat in -5..=5 {
         add([3.0, 8.0, 2.2 * f64::from(slat)], [24.0, 0.2, 1.8])?;
     }
-    Geometry::new(mesh)
+    Ok(mesh)
 }
 
 /// A stroke of 12 pixels half width; the colour is linear.
@@ -54,7 +54,7 @@ fn scene() -> unscatter::Result<Scene> {
         name: "barn".to_owned(),
         light: DirectionalLight::new(DVec3::new(0.05, -1.0, 0.3), [40.0; 3])?,
         medium: Medium::new([0.04; 3], [0.9; 3], 0.2)?,
-        geometry: barn()?,
+        mesh: barn()?.into(),
         ambient: [0.02; 3],
         surroundings: None,
         views: vec![view],
@@ -74,7 +74,11 @@ fn main() -> unscatter::Result<()> {
     println!("{} painted pixels, stopped for {}", report.problem.rows, report.stop.reason);
     let residual = report.weighted_residual;
     println!("residual {:.3} before, {:.3} after", residual.before, residual.after);
-    println!("a light map of {:?} texels, the side view {:?} pixels", light_map.size(), found.picture("side")?.size());
+    println!(
+        "a light map of {:?} texels, the side view {:?} pixels",
+        light_map.size(),
+        found.picture("side")?.size()
+    );
     let written = found.write(folder)?;
     println!("everything is in {}", written.folder.display());
     Ok(())

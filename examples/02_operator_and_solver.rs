@@ -18,10 +18,11 @@ use unscatter::operator::{
     Blocks, Bounds, CpuVector, Identity, LinearOperator, Scaling, Stacked, Vector, adjoint_test,
 };
 use unscatter::scene::{
-    Basis, Camera, Extent, FovAxis, Grid, Image, LightFrame, Medium, Quadrature, ShadowMap, Strategy, look_at,
+    Basis, Camera, Extent, FovAxis, Grid, Image, LightFrame, Medium, Quadrature, Strategy, look_at,
 };
 use unscatter::solve::{Beginning, Control, Fista, LeastSquares, Limits, Method, Mprgp, drive};
 use unscatter::sparse::ExplicitMatrix;
+use unscatter::visibility::ShadowMap;
 
 /// Texels along each side of the light map.
 const SIDE: usize = 48;

@@ -24,8 +24,13 @@ fn main() -> unscatter::Result<()> {
     })?;
     for (number, color) in [[0.1, 0.9, 0.3], [0.9, 0.1, 0.6]].into_iter().enumerate() {
         // Points are pixels of the full picture.
-        let stroke =
-            Stroke { points: vec![[300.0, 150.0], [330.0, 240.0]], radius: 18.0, hardness: 0.7, opacity: 1.0, color };
+        let stroke = Stroke {
+            points: vec![[300.0, 150.0], [330.0, 240.0]],
+            radius: 18.0,
+            hardness: 0.7,
+            opacity: 1.0,
+            color,
+        };
         live.paint("court", stroke)?;
         let then = live.advance(100)?;
         println!("stroke {}: {} applications more", number + 1, then.applications);

@@ -17,5 +17,6 @@ pub mod report;
 pub mod scene;
 pub mod solve;
 pub mod sparse;
+pub mod visibility;
 
 pub use error::{Error, Fault, Result};

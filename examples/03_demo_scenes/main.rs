@@ -1,7 +1,7 @@
 //! Writes the demo scenes of `strokes/`: `cargo run --release --example 03_demo_scenes -- DIR`.
 //!
-//! What one learns: how to make a scene file with the library's own types, how to load it, and how to ask its
-//! geometry and cameras where light is seen, here to paint strokes along the shafts. Every run writes the same bytes.
+//! What one learns: how to make a scene file with the library's own types, how to load it, and how to ask
+//! geometry over it and its cameras where light is seen, here to paint strokes along the shafts. Every run writes the same bytes.
 
 #![allow(clippy::print_stdout, reason = "an example says what it does")]
 
@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use unscatter::io::scene_file::{self, Document, VolumeDocument};
 use unscatter::problem;
 use unscatter::scene::VolumeScene;
+use unscatter::visibility::Geometry;
 
 mod canvas;
 mod citadel;
@@ -99,8 +100,9 @@ impl Demo {
     fn write(mut self, path: &Path) -> Result<(), Box<dyn Error>> {
         std::fs::write(path, scene_file::write(&self.document)?)?;
         let scene = scene_file::load(path, &[])?;
+        let geometry = Geometry::new(scene.mesh.clone())?;
         for (index, view) in self.document.views.iter_mut().enumerate() {
-            view.strokes = painter::strokes(&scene, index, &self.shafts, self.share, self.brush);
+            view.strokes = painter::strokes(&scene, &geometry, index, &self.shafts, self.share, self.brush);
         }
         std::fs::write(path, scene_file::write(&self.document)?)?;
         let painted = problem::constraints(&scene_file::load(path, &[])?)?.len();

@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 use unscatter::io::scene_file::{Paint, Stroke};
 use unscatter::scene::{Ray, Scene};
+use unscatter::visibility::Geometry;
 
 use crate::stage::millimetres;
 
@@ -27,21 +28,35 @@ const SAMPLES: usize = 96;
 
 /// Strokes of one view along its shafts, in the shafts' order; `share` is how much of the light of a pixel must come
 /// from the shaft for it to be painted there.
-pub(crate) fn strokes(scene: &Scene, view: usize, shafts: &[Shaft], share: f64, brush: f64) -> Vec<Stroke> {
-    shafts.iter().flat_map(|shaft| stroke(scene, view, shaft, share, brush)).collect()
+pub(crate) fn strokes(
+    scene: &Scene,
+    geometry: &Geometry,
+    view: usize,
+    shafts: &[Shaft],
+    share: f64,
+    brush: f64,
+) -> Vec<Stroke> {
+    shafts.iter().flat_map(|shaft| stroke(scene, geometry, view, shaft, share, brush)).collect()
 }
 
 /// The longest clear run of a shaft; none when that is short.
-fn stroke(scene: &Scene, view: usize, shaft: &Shaft, share: f64, brush: f64) -> Option<Stroke> {
+fn stroke(
+    scene: &Scene,
+    geometry: &Geometry,
+    view: usize,
+    shaft: &Shaft,
+    share: f64,
+    brush: f64,
+) -> Option<Stroke> {
     let direction = scene.light.direction;
     let down = Ray { origin: shaft.from, direction };
-    let length = scene.geometry.first_hit(&down, f64::INFINITY).map_or(shaft.along[1], |hit| hit.distance);
+    let length = geometry.first_hit(&down, f64::INFINITY).map_or(shaft.along[1], |hit| hit.distance);
     let end = length.min(shaft.along[1]);
     let mut best: Vec<(DVec2, f64)> = Vec::new();
     let mut run = Vec::new();
     for step in 0..=STEPS {
         let t = shaft.along[0] + (end - shaft.along[0]) * step as f64 / STEPS as f64;
-        match clear(scene, view, shaft, down.at(t), share, brush) {
+        match clear(scene, geometry, view, shaft, down.at(t), share, brush) {
             Some(seen) => run.push(seen),
             None => run.clear(),
         }
@@ -70,6 +85,7 @@ fn stroke(scene: &Scene, view: usize, shaft: &Shaft, share: f64, brush: f64) -> 
 /// lost among other light.
 fn clear(
     scene: &Scene,
+    geometry: &Geometry,
     view: usize,
     shaft: &Shaft,
     point: DVec3,
@@ -83,7 +99,7 @@ fn clear(
         return None;
     }
     let ray = camera.ray(pixel.x, pixel.y);
-    if scene.geometry.blocks(&ray, point.distance(ray.origin)) {
+    if geometry.blocks(&ray, point.distance(ray.origin)) {
         return None;
     }
     let beside = camera.project(point + shaft.half[0] * ray.direction.any_orthonormal_vector())?;
@@ -91,23 +107,23 @@ fn clear(
     // Nobody paints the sky: all of the brush is before a surface.
     let is_before_surface = |[x, y]: [f64; 2]| {
         let ray = camera.ray(pixel.x + brush * radius * x, pixel.y + brush * radius * y);
-        scene.geometry.first_hit(&ray, f64::INFINITY).is_some()
+        geometry.first_hit(&ray, f64::INFINITY).is_some()
     };
     let rim = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
-    let is_clear = rim.into_iter().all(is_before_surface) && clarity(scene, shaft, &ray) >= share;
+    let is_clear = rim.into_iter().all(is_before_surface) && clarity(scene, geometry, shaft, &ray) >= share;
     is_clear.then_some((pixel, radius))
 }
 
 /// The share of the light scattered along a view ray that comes from within a shaft.
-fn clarity(scene: &Scene, shaft: &Shaft, ray: &Ray) -> f64 {
+fn clarity(scene: &Scene, geometry: &Geometry, shaft: &Shaft, ray: &Ray) -> f64 {
     let reach = scene.medium.reach(0.02);
-    let end = scene.geometry.first_hit(ray, reach).map_or(reach, |hit| hit.distance);
+    let end = geometry.first_hit(ray, reach).map_or(reach, |hit| hit.distance);
     let frame = scene.light.frame();
     let (mut inside, mut all) = (0.0, 0.0);
     for sample in 0..SAMPLES {
         let t = end * (sample as f64 + 0.5) / SAMPLES as f64;
         let point = ray.at(t);
-        if is_lit(scene, point) {
+        if is_lit(scene, geometry, point) {
             let light = scene.medium.transmittance(t)[1];
             all += light;
             let across = frame.light_from_world(point - shaft.from);
@@ -118,8 +134,8 @@ fn clarity(scene: &Scene, shaft: &Shaft, ray: &Ray) -> f64 {
     if all > 0.0 { inside / all } else { 0.0 }
 }
 
-fn is_lit(scene: &Scene, point: DVec3) -> bool {
-    !scene.geometry.blocks(&Ray { origin: point, direction: -scene.light.direction }, f64::INFINITY)
+fn is_lit(scene: &Scene, geometry: &Geometry, point: DVec3) -> bool {
+    !geometry.blocks(&Ray { origin: point, direction: -scene.light.direction }, f64::INFINITY)
 }
 
 /// Pixels to a tenth; finer than anyone paints.

@@ -16,8 +16,7 @@ impl SceneArguments {
     /// Reads the scene, with its overrides and those that flags stand for.
     pub(super) fn open(&self, flags: &[String]) -> Result<Job> {
         let memory = self.memory.iter().map(|size| format!("solve.memory=\"{size}\""));
-        let overrides: Vec<String> =
-            self.overrides.iter().chain(flags).cloned().chain(memory).collect();
+        let overrides: Vec<String> = self.overrides.iter().chain(flags).cloned().chain(memory).collect();
         Job::open_with(&self.scene, &overrides)
     }
 
@@ -86,10 +85,8 @@ pub(super) fn light_map(arguments: &LightMapArguments, manners: &Manners) -> Res
         return Err(arguments.scene.refused("a scene with a `volume`", expected));
     }
     let folder = arguments.output.folder(&arguments.scene.scene);
-    let options = Options {
-        rasterize: arguments.rasterize,
-        ..options(&arguments.backend, &arguments.solve, &folder)
-    };
+    let options =
+        Options { rasterize: arguments.rasterize, ..options(&arguments.backend, &arguments.solve, &folder) };
     solved(job, options, &arguments.solve, manners, bar, words::of_light_map)
 }
 

@@ -1,9 +1,9 @@
 use serde::Serialize;
 
 use super::{Done, Manners};
+use crate::Result;
 use crate::io::to_json;
 use crate::job::{self, mebibytes};
-use crate::Result;
 
 #[derive(Serialize)]
 struct Machine {

@@ -3,7 +3,8 @@ use rayon::prelude::*;
 
 use super::dense::Dense;
 use crate::march::{Density, Weight};
-use crate::scene::{Geometry, Ray, Rgb, Samples, Volume, VoxelGrid, VoxelSet};
+use crate::scene::{Ray, Rgb, Samples, Volume, VoxelGrid, VoxelSet};
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// Light from one direction.
@@ -81,11 +82,10 @@ pub fn light_columns<const C: usize>(
 
 /// Light of some beams at a point: Σ L e^{−τ} V.
 fn arriving(density: &Density, geometry: &Geometry, point: DVec3, beams: &[Beam]) -> [f64; 3] {
-    let is_open = geometry.mesh().triangles.is_empty();
     let mut sum = [0.0f64; 3];
     for beam in beams {
         let ray = Ray { origin: point, direction: beam.towards };
-        if !is_open && geometry.blocks(&ray, f64::INFINITY) {
+        if geometry.blocks(&ray, f64::INFINITY) {
             continue;
         }
         let tau = density.optical_depth(point, beam.towards, f64::INFINITY);

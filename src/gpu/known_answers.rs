@@ -13,9 +13,10 @@ use crate::march::{
 };
 use crate::operator::{Bounds, LinearOperator, Metric, Vector};
 use crate::scene::{
-    Basis, Camera, Extent, FovAxis, Grid, Interpolation, Quadrature, Samples, ShadowMap, Volume, VoxelGrid,
+    Basis, Camera, Extent, FovAxis, Grid, Interpolation, Quadrature, Samples, Volume, VoxelGrid,
     look_at,
 };
+use crate::visibility::ShadowMap;
 use crate::{Error, Result};
 
 /// Elements of the vectors that are tried: several workgroups, and no multiple of one.

@@ -5,7 +5,8 @@ use glam::DVec2;
 
 use super::layout::{FARTHEST, LEVELS, Ray, TICKS};
 use crate::march::LightMapTraversal;
-use crate::scene::{Basis, ShadowMap};
+use crate::scene::Basis;
+use crate::visibility::ShadowMap;
 
 /// Parts that the stored depths span.
 const SPAN: f64 = (FARTHEST / 2) as f64;

@@ -56,7 +56,7 @@ impl GltfScene {
     /// The triangles of the default scene, or of the node with this name and of all below it, in world space.
     ///
     /// Albedo is the base colour factor times the linear mean of its texture. Materials with alpha mode `MASK`
-    /// keep their texture's alpha as a mask; `BLEND` is read as a mask with cut-off 0.5.
+    /// keep their texture's alpha as a mask; `BLEND` is read as a mask with cut-off 0.5. Each node with triangles is an object.
     ///
     /// Errors: [`Error::Format`] for an unknown name (the message lists the nearest ones), data that is broken or no
     /// triangles at all; [`Error::File`] for textures that cannot be read; [`Error::TooLarge`].

@@ -1,19 +1,24 @@
 //! Geometry from Wavefront OBJ files.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
 use tobj::{LoadError, LoadOptions};
 
-use crate::scene::{Material, Mesh, Rgb};
+use crate::scene::{Material, Mesh, Object, Rgb};
 use crate::{Error, Result};
 
 /// Of faces without a material, or whose material has no diffuse colour.
 const GREY: Rgb = [0.6; 3];
 
+/// What the crate calls faces before the first object or group with a name.
+const UNNAMED: &str = "unnamed_object";
+
 /// Reads the triangles of a `.obj` file; polygons are cut into fans, points and lines left out.
 ///
-/// Albedo is `Kd` of the `.mtl` files, clamped to [0, 1], and 0.6 where the file or the value is missing.
+/// Albedo is `Kd` of the `.mtl` files, clamped to [0, 1], and 0.6 where the file or the value is missing. Faces after an `o`
+/// or a `g` are of the object of that name; the same name later on is the same object.
 ///
 /// Errors: [`Error::File`] where the file cannot be read, [`Error::Format`] where it is broken or has no triangles.
 pub fn load(path: &Path) -> Result<Mesh> {
@@ -39,12 +44,25 @@ pub fn load(path: &Path) -> Result<Mesh> {
     let materials = materials.unwrap_or_default();
 
     let mut mesh = Mesh::default();
-    mesh.materials.push(Material { albedo: GREY, mask: None });
-    mesh.materials.extend(materials.iter().map(|material| Material { albedo: albedo(material), mask: None }));
+    mesh.materials.push(Material { name: None, albedo: GREY, mask: None });
+    mesh.materials.extend(materials.iter().map(|material| Material {
+        name: Some(material.name.clone()),
+        albedo: albedo(material),
+        mask: None,
+    }));
+    let mut objects = HashMap::new();
     for model in &models {
         let material = model.mesh.material_id.map_or(0, |index| index + 1);
         add(&mut mesh, &model.mesh, material as u32)
             .ok_or_else(|| broken("it has too many vertices".into()))?;
+        if !model.mesh.indices.is_empty() {
+            let object = *objects.entry(model.name.as_str()).or_insert_with(|| {
+                let name = Some(model.name.clone()).filter(|name| name != UNNAMED);
+                mesh.objects.push(Object { name, occluder: 0 });
+                mesh.objects.len() as u32 - 1
+            });
+            mesh.object_of.resize(mesh.triangles.len(), object);
+        }
     }
     if mesh.triangles.is_empty() {
         return Err(broken("it has no triangles".into()));
@@ -155,6 +173,30 @@ mod tests {
         assert_eq!(first.map(|vertex| mesh.coordinates[vertex]), [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]);
         let last = mesh.triangles[2].map(|vertex| mesh.positions[vertex as usize]);
         assert_eq!(last, [DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), DVec3::Y]);
+    }
+
+    #[test]
+    fn triangles_know_their_object_or_group_and_their_material() {
+        let text = "mtllib scene.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\
+                    f 1 2 3\n\
+                    o Tree\nusemtl Leaf\nf 1 2 3\nusemtl Bark\nf 1 3 4\n\
+                    g Wall\nf 2 3 4\n\
+                    o Empty\n\
+                    o Tree\nusemtl Leaf\nf 1 2 4\n";
+        let mesh = loaded(text, Some("newmtl Leaf\nKd 0 1 0\nnewmtl Bark\nKd 0.5 0.25 0\n")).unwrap();
+        let names = |triangle: usize| {
+            (mesh.object(triangle).name.as_deref(), mesh.material(triangle).name.as_deref())
+        };
+        let found: Vec<_> = (0..mesh.triangles.len()).map(names).collect();
+        let expected = [
+            (None, None),
+            (Some("Tree"), Some("Leaf")),
+            (Some("Tree"), Some("Bark")),
+            (Some("Wall"), Some("Bark")),
+            (Some("Tree"), Some("Leaf")),
+        ];
+        assert_eq!(found, expected);
+        assert_eq!(mesh.objects.len(), 3, "what is named twice is one object, and what is empty is none");
     }
 
     #[test]

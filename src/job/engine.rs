@@ -124,7 +124,8 @@ impl Engine {
                 Err(error) if *or_cpu && error.is_of_adapter() => {
                     tracing::warn!("{error}");
                     // What the adapter has saved is not lost: its state is as good as the processor's own.
-                    let resumed = checkpoint.and_then(|kept| kept.latest().or_else(|| kept.read().ok().filter(|_| resume)));
+                    let resumed = checkpoint
+                        .and_then(|kept| kept.latest().or_else(|| kept.read().ok().filter(|_| resume)));
                     tracing::warn!(
                         "computing on the processor, from {}",
                         if resumed.is_some() { "the last checkpoint" } else { "the start" }

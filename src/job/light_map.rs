@@ -1,5 +1,7 @@
 //! From painted strokes to a light map.
 
+use std::sync::Arc;
+
 use super::checkpoint::{self, Keeper};
 use super::compute::{Computed, Task, Watch};
 use super::engine::{Engine, On};
@@ -14,6 +16,7 @@ use crate::problem::{Assessment, LightMapProblem, Traced, render};
 use crate::report::{self, Report};
 use crate::scene::{Environment, Image, Rgb, Scene, Sky, SolveSettings};
 use crate::solve::StopReason;
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// A light map that was found, and all there is to know about it.
@@ -37,7 +40,8 @@ pub(super) fn solve(
     steps.begin("tracing", None);
     let problem = trace(scene, engine, options.rasterize)?;
     let settings = budget::settled(scene, &problem);
-    let keeper = |folder| Keeper::new(folder, "checkpoint", checkpoint::of_light_map(scene, &settings, &problem));
+    let keeper =
+        |folder| Keeper::new(folder, "checkpoint", checkpoint::of_light_map(scene, &settings, &problem));
     let checkpoint = folder.map(keeper);
     let resumed = match &checkpoint {
         Some(checkpoint) if options.resume => Some(checkpoint.read()?),
@@ -45,9 +49,8 @@ pub(super) fn solve(
     };
     let watch = Watch { checkpoint: checkpoint.as_ref(), iterations: settings.iterations, adapter: None };
     let task = Task { scene, settings: &settings, problem: &problem, watch };
-    let preview = |elements: &[Rgb]| {
-        folder.map_or(Ok(()), |folder| preview(scene, &problem, folder, elements))
-    };
+    let preview =
+        |elements: &[Rgb]| folder.map_or(Ok(()), |folder| preview(scene, &problem, folder, elements));
     let computed = engine.run(checkpoint.as_ref(), options.resume, resumed, |on, resumed| match on {
         On::Cpu => task.on_cpu(resumed, steps, &preview),
         #[cfg(feature = "gpu")]
@@ -88,7 +91,11 @@ impl FoundLightMap {
         let in_page = report::Pictures {
             views: views.collect::<Result<_>>()?,
             light_map: folder.write_picture("light_map", &self.light_map()?, exposure_of(problem))?,
-            coverage: Some(folder.write_png("coverage", &coverage_picture(problem, &computed.coverage)?, 0.0)?),
+            coverage: Some(folder.write_png(
+                "coverage",
+                &coverage_picture(problem, &computed.coverage)?,
+                0.0,
+            )?),
             environment: write_sky(scene, folder, further)?,
             ..report::Pictures::default()
         };
@@ -102,17 +109,18 @@ impl FoundLightMap {
 /// Errors: [`Error::Adapter`] for a depth pass without an adapter.
 fn trace(scene: &Scene, engine: &Engine, rasterize: bool) -> Result<LightMapProblem> {
     let painted = budget::painted(scene)?;
+    let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
     if !rasterize {
-        return LightMapProblem::of(scene, painted, &Traced);
+        return LightMapProblem::of(scene, &geometry, painted, &Traced);
     }
     match engine {
         #[cfg(feature = "gpu")]
         Engine::Gpu { gpu, or_cpu } => {
             let rasterized = crate::problem::Rasterized(gpu.clone());
-            match LightMapProblem::of(scene, painted.clone(), &rasterized) {
+            match LightMapProblem::of(scene, &geometry, painted.clone(), &rasterized) {
                 Err(error) if *or_cpu && error.is_of_adapter() => {
                     tracing::warn!("{error}; tracing rays instead");
-                    LightMapProblem::of(scene, painted, &Traced)
+                    LightMapProblem::of(scene, &geometry, painted, &Traced)
                 }
                 problem => problem,
             }

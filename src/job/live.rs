@@ -8,11 +8,12 @@ use super::observer::Stop;
 use super::{Job, budget};
 use crate::operator::CpuVector;
 use crate::problem::{
-    Begin, LightMapOperator, LightMapProblem, Paused, Traced, TransportOperator, minimize_from, paint, pixels,
-    render,
+    Begin, LightMapOperator, LightMapProblem, Paused, Traced, TransportOperator, fit, minimize_from, paint,
+    pixels, render,
 };
 use crate::scene::{Image, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View};
 use crate::solve::StopReason;
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// How large the pictures of a live job are.
@@ -71,7 +72,8 @@ impl LiveJob {
         let stop = job.options.stop.clone();
         let mut scene = job.into_light_map()?;
         // Where the maps lie is found once, at the full size, from what is painted at first.
-        let maps = crate::problem::fit(&scene, &scene.light_map)?;
+        let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
+        let maps = fit(&scene, &scene.light_map, &geometry)?;
         scene.light_map.extent = Some(maps.light_map.extent);
         scene.shadow_map.extent = Some(maps.shadow_map.grid().extent);
         scene.solve.skip.pixels = false;
@@ -80,7 +82,7 @@ impl LiveJob {
         scene.views = views?;
         let pairs = scene.views.iter().zip(&widths);
         let scales = pairs.map(|(view, &full)| view.camera.size()[0] as f32 / full as f32).collect();
-        let problem = LightMapProblem::of(&scene, pixels(&scene)?, &Traced)?;
+        let problem = LightMapProblem::of(&scene, &geometry, pixels(&scene)?, &Traced)?;
         let settings = budget::settled(&scene, &problem);
         let budget = budget::budget(&scene, &settings, &problem)?;
         let operator = problem.operator_with(settings.strategy, budget)?;

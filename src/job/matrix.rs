@@ -1,11 +1,14 @@
 //! The matrix of a problem, for other programs.
 
+use std::sync::Arc;
+
 use super::steps::Steps;
 use super::volume::{self, stage_budget};
 use super::{Folder, Job, Scenes, budget};
 use crate::problem::{LightMapProblem, Traced};
 use crate::scene::{Rgb, Scene, VolumeScene};
 use crate::sparse::ExplicitMatrix;
+use crate::visibility::Geometry;
 use crate::{Error, Result, io};
 
 /// Triplets and compressed rows in f64, and the arrays that are written, in bytes a non-zero.
@@ -61,7 +64,8 @@ fn of_light_map(scene: &Scene, steps: &mut Steps<'_>) -> Result<Exported> {
         ));
     }
     steps.begin("tracing", None);
-    let problem = LightMapProblem::of(scene, budget::painted(scene)?, &Traced)?;
+    let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
+    let problem = LightMapProblem::of(scene, &geometry, budget::painted(scene)?, &Traced)?;
     if !problem.is_grey() {
         return Err(Error::value(
             "surroundings",
@@ -79,7 +83,7 @@ fn of_light_map(scene: &Scene, steps: &mut Steps<'_>) -> Result<Exported> {
 
 fn of_volume(scene: &VolumeScene, steps: &mut Steps<'_>) -> Result<Exported> {
     // Of several stages the first: the others depend on what it finds.
-    let (_, problem) = volume::problems(scene, steps)?.swap_remove(0);
+    let (_, problem) = volume::problems(scene, &volume::geometry_of([scene])?, steps)?.swap_remove(0);
     let problem = problem.in_reading_order();
     if !problem.is_grey() {
         return Err(Error::value(

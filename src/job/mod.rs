@@ -36,6 +36,7 @@ use crate::io::scene_file::{self, AnimatedVolume, Subject};
 use crate::io::volume::Format;
 use crate::problem::{fit, render};
 use crate::scene::{KeyFrame, Scene, VolumeScene};
+use crate::visibility::Geometry;
 use crate::{Error, Result, io};
 
 pub(crate) use budget::{SHADOW_TEXEL, mebibytes, painted};
@@ -54,7 +55,7 @@ pub use solution::{Solution, Written};
 pub(crate) use steps::Steps;
 use steps::Timings;
 pub use volume::VolumePlan;
-pub(crate) use volume::problems;
+pub(crate) use volume::{geometry_of, problems};
 
 /// What a job starts from.
 #[derive(Debug, Clone)]
@@ -234,9 +235,11 @@ impl Job {
         if let Scenes::LightMap(scene) = &self.scenes {
             return Ok(vec![Plan::LightMap(plan::plan(scene, &mut steps)?)]);
         }
+        let scenes = self.volume_scenes();
+        let geometry = geometry_of(scenes.iter().map(|(_, scene)| scene))?;
         let mut plans = Vec::new();
-        for (_, scene) in self.volume_scenes() {
-            plans.extend(volume::plans(&scene, &mut steps)?.into_iter().map(Plan::Volume));
+        for (_, scene) in &scenes {
+            plans.extend(volume::plans(scene, &geometry, &mut steps)?.into_iter().map(Plan::Volume));
         }
         Ok(plans)
     }
@@ -272,11 +275,12 @@ impl Job {
         let is_whole = match &self.scenes {
             Scenes::LightMap(scene) => draw(scene, light_map, &folder, &mut steps, &mut names)?,
             _ => {
+                let (scenes, turns) = (self.volume_scenes(), self.options.turntable);
+                let geometry = geometry_of(scenes.iter().map(|(_, scene)| scene))?;
                 let mut is_whole = true;
-                for (prefix, scene) in &self.volume_scenes() {
-                    let turns = self.options.turntable;
-                    is_whole =
-                        is_whole && volume::draw(scene, prefix, turns, &folder, &mut steps, &mut names)?;
+                for (prefix, scene) in &scenes {
+                    is_whole = is_whole
+                        && volume::draw(scene, &geometry, prefix, turns, &folder, &mut steps, &mut names)?;
                 }
                 is_whole
             }
@@ -310,7 +314,7 @@ fn draw(
         map.extent = Placement::beside(path)?.or(map.extent);
     }
     steps.begin("tracing", None);
-    let maps = fit(scene, &map)?;
+    let maps = fit(scene, &map, &Arc::new(Geometry::new(scene.mesh.clone())?))?;
     steps.begin("rendering", Some(scene.views.len() as u64));
     for (view, seen) in scene.views.iter().enumerate() {
         if steps.stops() {

@@ -1,5 +1,6 @@
 //! What a solve would take.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -7,10 +8,11 @@ use serde::Serialize;
 use super::steps::Steps;
 use super::volume::VolumePlan;
 use super::{budget, machine};
+use crate::Result;
 use crate::operator::{LinearOperator, Vector};
 use crate::problem::{LightMapProblem, Traced};
 use crate::scene::{Scene, Strategy};
-use crate::Result;
+use crate::visibility::Geometry;
 
 /// Rows that are timed.
 const SAMPLE: usize = 16384;
@@ -71,8 +73,9 @@ pub struct LightMapPlan {
 /// What a solve of a scene would take.
 pub(super) fn plan(scene: &Scene, steps: &mut Steps<'_>) -> Result<LightMapPlan> {
     steps.begin("tracing", None);
+    let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
     let clock = Instant::now();
-    let problem = LightMapProblem::of(scene, budget::painted(scene)?, &Traced)?;
+    let problem = LightMapProblem::of(scene, &geometry, budget::painted(scene)?, &Traced)?;
     let set_up_seconds = clock.elapsed().as_secs_f64();
     let settings = budget::settled(scene, &problem);
     let budget = budget::budget(scene, &settings, &problem)?;

@@ -66,8 +66,7 @@ impl Solution {
                 Found::Volume(scene.clone(), Box::new(found))
             }
             Scenes::Animation(animated) => {
-                let found =
-                    volume::solve_keys(animated, options, &mut engine, folder.as_ref(), &mut steps)?;
+                let found = volume::solve_keys(animated, options, &mut engine, folder.as_ref(), &mut steps)?;
                 Found::Animation(Box::new(found))
             }
         };

@@ -1,10 +1,15 @@
 //! The laws of an operator on a scene: its adjoint, the explicit matrix in f64, finite differences.
 
+use std::sync::Arc;
+
 use serde::Serialize;
 
+use crate::Result;
 #[cfg(feature = "gpu")]
 use crate::gpu::Gpu;
-use crate::job::{Engine, EngineChoice, Job, Observer, Scenes, Step, Steps, Stop, painted, problems};
+use crate::job::{
+    Engine, EngineChoice, Job, Observer, Scenes, Step, Steps, Stop, geometry_of, painted, problems,
+};
 use crate::march::Traversal;
 use crate::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
 #[cfg(feature = "gpu")]
@@ -16,7 +21,7 @@ use crate::problem::{
 };
 use crate::scene::{Rgb, Strategy};
 use crate::sparse::ExplicitMatrix;
-use crate::Result;
+use crate::visibility::Geometry;
 
 /// Rows that are checked: enough to meet every case, few enough for an explicit matrix in f64.
 const ROWS: usize = 4096;
@@ -152,13 +157,15 @@ pub fn check(job: &Job, engine: &EngineChoice, observer: &mut impl Observer) -> 
     let begin = |observer: &mut dyn Observer, name| observer.begins(&Step { name, within: "", parts: None });
     if let Scenes::LightMap(scene) = job.scenes() {
         begin(observer, "tracing");
-        let problem = LightMapProblem::of(scene, painted(scene)?, &Traced)?.sampled(ROWS);
+        let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
+        let problem = LightMapProblem::of(scene, &geometry, painted(scene)?, &Traced)?.sampled(ROWS);
         begin(observer, "checking");
         return Ok(vec![checked(&scene.name, &problem, &engine)?]);
     }
-    let mut all = Vec::new();
-    for (_, scene) in &job.volume_scenes() {
-        let found = problems(scene, &mut Steps::new(observer, &stop, Vec::new()))?;
+    let (scenes, mut all) = (job.volume_scenes(), Vec::new());
+    let geometry = geometry_of(scenes.iter().map(|(_, scene)| scene))?;
+    for (_, scene) in &scenes {
+        let found = problems(scene, &geometry, &mut Steps::new(observer, &stop, Vec::new()))?;
         for (find, problem) in found {
             begin(observer, "checking");
             let name = format!("{}, {}", scene.name, find.name());
@@ -198,12 +205,7 @@ fn checked(name: &str, problem: &impl Checkable, engine: &Engine) -> Result<Chec
     let error = finite_difference(problem, &explicit)?;
     let law = "gradient by finite differences";
     verdicts.push(verdict(law, "explicit matrix, f64", error, FINITE_DIFFERENCE));
-    Ok(Checked {
-        name: name.to_owned(),
-        rows: problem.rows(),
-        nonzeros: explicit.channel(0).nnz(),
-        verdicts,
-    })
+    Ok(Checked { name: name.to_owned(), rows: problem.rows(), nonzeros: explicit.channel(0).nnz(), verdicts })
 }
 
 fn verdict(law: &'static str, backend: &str, error: f64, bound: f64) -> Verdict {

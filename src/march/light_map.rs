@@ -5,7 +5,8 @@ use glam::{DVec2, DVec3};
 use super::basis::{Bilinear, Nearest, Piece, Window};
 use super::visibility::{ShadowRay, clip};
 use super::{BesideRows, Real, Surroundings, Traversal, Weight, least, most};
-use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray, ShadowMap};
+use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray};
+use crate::visibility::ShadowMap;
 
 /// Level of the nodes of a mask that short stretches begin with.
 const NEARBY: usize = 3;

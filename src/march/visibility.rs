@@ -1,7 +1,7 @@
 //! The lit stretches of a ray, found through the min-max pyramid of the shadow map.
 
 use super::{Real, least, most};
-use crate::scene::ShadowMap;
+use crate::visibility::ShadowMap;
 
 /// A ray in texels of a shadow map and in metres of stored depth, all affine in the distance t.
 #[derive(Clone, Copy)]

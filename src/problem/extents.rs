@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::surroundings::sky_beams;
 use super::{Constraint, SkyBeam, Surfaces, Traced};
-use crate::scene::{Extent, Grid, LightFrame, MapSettings, Ray, Scene, ShadowMap};
+use crate::scene::{Extent, Grid, LightFrame, MapSettings, Mesh, Ray, Scene};
+use crate::visibility::{Geometry, ShadowMap};
 use crate::{Error, Result};
 
 /// Transmittance at which a ray that hits nothing no longer counts for the extent of the maps.
@@ -17,9 +18,11 @@ const MARGIN: f64 = 0.01;
 /// Room for rounding, as a share of the distance from the origin: some thousand times that of f64.
 const ROUNDING: f64 = 1e-12;
 
-/// Where light map and shadow map lie, and the shadow map itself.
+/// Where light map and shadow map lie, the shadow map itself, and what it is a map of.
 #[derive(Debug, Clone)]
 pub struct Maps {
+    /// The hierarchy over the scene's triangles.
+    pub geometry: Arc<Geometry>,
     /// The frame of the light.
     pub frame: LightFrame,
     /// The texels of the light map.
@@ -44,28 +47,33 @@ impl Sight {
     }
 }
 
-/// Fits the maps to what is seen where `light_map` and the scene do not set them, and renders the shadow maps.
+/// Fits the maps to what is seen where `light_map` and the scene do not set them, and renders the shadow maps. `geometry` is the hierarchy
+/// over the scene's triangles.
 ///
 /// The light map covers the rays through painted pixels (of a scene without any, what all views see), the shadow
 /// maps what all views see; all only as far as there is geometry to cast a shadow.
-pub fn fit(scene: &Scene, light_map: &MapSettings) -> Result<Maps> {
+///
+/// Errors: [`Error::Value`] for an extent without area.
+pub fn fit(scene: &Scene, light_map: &MapSettings, geometry: &Arc<Geometry>) -> Result<Maps> {
     let constraints = match super::constraints(scene) {
         Err(Error::Empty { .. }) => Vec::new(),
         painted => painted?,
     };
-    fit_to(scene, light_map, &constraints, &Traced.lengths(scene, &constraints)?, &Traced)
+    let lengths = Traced.lengths(scene, geometry, &constraints)?;
+    fit_to(scene, light_map, geometry, &constraints, &lengths, &Traced)
 }
 
 /// The same for constraints whose rays have these lengths.
 pub(super) fn fit_to(
     scene: &Scene,
     light_map: &MapSettings,
+    geometry: &Arc<Geometry>,
     constraints: &[Constraint],
     lengths: &[f64],
     surfaces: &dyn Surfaces,
 ) -> Result<Maps> {
     let frame = scene.light.frame();
-    let occluded = occluded(scene, &frame);
+    let occluded = occluded(&scene.mesh, &frame);
     let painted = Sight(
         constraints
             .par_iter()
@@ -77,20 +85,21 @@ pub(super) fn fit_to(
             })
             .collect(),
     );
-    let mut sight = seen_by_views(scene);
+    let mut sight = seen_by_views(scene, geometry);
     sight.0.extend_from_slice(&painted.0);
     let seen = sight.over(&frame);
     let over_light = if constraints.is_empty() { seen } else { painted.over(&frame) };
     let light_map = grid(light_map, over_light, occluded)?;
     let shadow_grid = grid(&scene.shadow_map, seen, occluded)?;
     let shadow_map = if occluded.has_area() {
-        surfaces.shadow_map(scene, &frame, shadow_grid)?
+        surfaces.shadow_map(geometry, &frame, shadow_grid)?
     } else {
         ShadowMap::open(shadow_grid)
     };
-    let sky = sky_beams(scene, &sight)?;
+    let sky = sky_beams(scene, geometry, &sight)?;
     let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };
-    Ok(Maps { frame, light_map, shadow_map: Arc::new(shadow_map), sky })
+    let geometry = geometry.clone();
+    Ok(Maps { geometry, frame, light_map, shadow_map: Arc::new(shadow_map), sky })
 }
 
 /// Where a shadow map along some frame lies; none where nothing casts a shadow.
@@ -100,14 +109,14 @@ pub(super) fn shadow_grid(
     frame: &LightFrame,
     size: [usize; 2],
 ) -> Result<Option<Grid>> {
-    let occluded = occluded(scene, frame);
+    let occluded = occluded(&scene.mesh, frame);
     let settings = MapSettings { size, extent: None };
     occluded.has_area().then(|| grid(&settings, sight.over(frame), occluded)).transpose()
 }
 
 /// The box around all vertices, along a light.
-fn occluded(scene: &Scene, frame: &LightFrame) -> Extent {
-    scene.geometry.mesh().positions.iter().fold(Extent::NOTHING, |extent, &point| {
+fn occluded(mesh: &Mesh, frame: &LightFrame) -> Extent {
+    mesh.positions.iter().fold(Extent::NOTHING, |extent, &point| {
         let p = frame.light_from_world(point);
         extent.include(DVec2::new(p.x, p.y))
     })
@@ -126,7 +135,7 @@ fn grid(settings: &MapSettings, seen: Extent, occluded: Extent) -> Result<Grid> 
     Grid::new(settings.extent.unwrap_or_else(fitted), settings.size)
 }
 
-fn seen_by_views(scene: &Scene) -> Sight {
+fn seen_by_views(scene: &Scene, geometry: &Geometry) -> Sight {
     let pixels: Vec<(usize, usize, usize)> = scene
         .views
         .iter()
@@ -139,7 +148,7 @@ fn seen_by_views(scene: &Scene) -> Sight {
         .collect();
     let seen = |(view, x, y): (usize, usize, usize)| {
         let ray = scene.views[view].camera.pixel_ray(x, y);
-        let length = scene.geometry.first_hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |hit| hit.distance);
+        let length = geometry.first_hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |hit| hit.distance);
         seen_along(scene, &ray, length)
     };
     Sight(pixels.into_par_iter().map(seen).collect())

@@ -10,6 +10,7 @@ use crate::cpu::WalkPlan;
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::{Bounds, CpuVector};
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// The painted pixels of a scene as rows, and what they should become.
@@ -43,17 +44,24 @@ pub struct LightMapProblem {
 }
 
 impl LightMapProblem {
-    /// Paints the views, finds the depth behind every painted pixel, places the maps, and computes the targets.
+    /// Builds the hierarchy over the scene's triangles, paints the views, finds the depth behind every painted pixel, places the
+    /// maps, and computes the targets.
     ///
-    /// Errors: [`Error::Empty`] when nothing is painted or every painted pixel is in shadow.
+    /// Errors: [`Error::Empty`] when nothing is painted or every painted pixel is in shadow; those of [`Geometry::new`].
     pub fn new(scene: &Scene) -> Result<Self> {
-        Self::of(scene, constraints(scene)?, &Traced)
+        Self::of(scene, &Arc::new(Geometry::new(scene.mesh.clone())?), constraints(scene)?, &Traced)
     }
 
-    /// The same from pixels that are painted already, with surfaces found in a way of the caller's.
-    pub fn of(scene: &Scene, constraints: Vec<Constraint>, surfaces: &dyn Surfaces) -> Result<Self> {
-        let lengths = surfaces.lengths(scene, &constraints)?;
-        let maps = fit_to(scene, &scene.light_map, &constraints, &lengths, surfaces)?;
+    /// The same over a hierarchy that is there, which must be of the scene's triangles, from pixels that are painted already, with surfaces
+    /// found in a way of the caller's.
+    pub fn of(
+        scene: &Scene,
+        geometry: &Arc<Geometry>,
+        constraints: Vec<Constraint>,
+        surfaces: &dyn Surfaces,
+    ) -> Result<Self> {
+        let lengths = surfaces.lengths(scene, geometry, &constraints)?;
+        let maps = fit_to(scene, &scene.light_map, geometry, &constraints, &lengths, surfaces)?;
         let rays: Arc<[ViewRay]> = constraints
             .par_iter()
             .zip(&lengths)
@@ -72,7 +80,8 @@ impl LightMapProblem {
                 }
             };
         let rows = constraints.iter().zip(&white).zip(&surroundings);
-        let targets = rows.map(|((pixel, white), around)| target(scene.target, pixel, white, around)).collect();
+        let targets =
+            rows.map(|((pixel, white), around)| target(scene.target, pixel, white, around)).collect();
         let grey = scene.medium.is_grey() && traversal.surroundings().is_none_or(|shown| shown.is_grey());
         let plan = plan(&traversal, grey);
         let further_start = scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(start));

@@ -2,7 +2,8 @@ use super::{Constraint, Surfaces};
 use crate::Result;
 use crate::gpu::{Gpu, surfaces_seen};
 use crate::operator::NOWHERE;
-use crate::scene::{Geometry, Grid, LightFrame, Ray, Scene, ShadowMap};
+use crate::scene::{Camera, Grid, LightFrame, Mesh, Ray, Scene};
+use crate::visibility::{Geometry, ShadowMap};
 use glam::DVec2;
 
 /// A depth pass on a graphics adapter.
@@ -17,9 +18,8 @@ pub struct Rasterized(pub Gpu);
 const NEAR: f64 = 1e-6;
 
 impl Rasterized {
-    /// The triangle behind every pixel of a view.
-    fn seen_by(&self, scene: &Scene, view: usize) -> Result<Vec<u32>> {
-        let (camera, mesh) = (&scene.views[view].camera, scene.geometry.mesh());
+    /// The triangle behind every pixel of a camera.
+    fn seen_by(&self, camera: &Camera, mesh: &Mesh) -> Result<Vec<u32>> {
         let far = mesh.positions.iter().map(|p| p.distance(camera.position())).fold(0.0, f64::max);
         let clip: Vec<_> = mesh.positions.iter().map(|&p| camera.clip_from_world(p, NEAR * far)).collect();
         surfaces_seen(&self.0, &clip, &mesh.triangles, camera.size())
@@ -27,8 +27,7 @@ impl Rasterized {
 }
 
 impl Surfaces for Rasterized {
-    fn shadow_map(&self, scene: &Scene, frame: &LightFrame, grid: Grid) -> Result<ShadowMap> {
-        let geometry = &scene.geometry;
+    fn shadow_map(&self, geometry: &Geometry, frame: &LightFrame, grid: Grid) -> Result<ShadowMap> {
         let [near, far] = geometry.depths(frame).unwrap_or_default();
         // Room on both sides, so that nothing is cut off.
         let span = 1.002 * (far - near) + 1e-6 * far.abs().max(near.abs()) + f64::MIN_POSITIVE;
@@ -42,18 +41,18 @@ impl Surfaces for Rasterized {
         ShadowMap::render_by(geometry, frame, grid, |index, ray| distance(geometry, ray, seen[index]))
     }
 
-    fn lengths(&self, scene: &Scene, constraints: &[Constraint]) -> Result<Vec<f64>> {
+    fn lengths(&self, scene: &Scene, geometry: &Geometry, constraints: &[Constraint]) -> Result<Vec<f64>> {
         let mut seen = vec![Vec::new(); scene.views.len()];
         for (view, seen) in seen.iter_mut().enumerate() {
             if constraints.iter().any(|pixel| pixel.view == view) {
-                *seen = self.seen_by(scene, view)?;
+                *seen = self.seen_by(&scene.views[view].camera, geometry.mesh())?;
             }
         }
         let length = |pixel: &Constraint| {
             let camera = &scene.views[pixel.view].camera;
             let triangle = seen[pixel.view][pixel.y * camera.size()[0] + pixel.x];
             let ray = camera.pixel_ray(pixel.x, pixel.y);
-            distance(&scene.geometry, &ray, triangle).unwrap_or(f64::INFINITY)
+            distance(geometry, &ray, triangle).unwrap_or(f64::INFINITY)
         };
         Ok(constraints.iter().map(length).collect())
     }

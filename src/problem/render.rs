@@ -7,7 +7,8 @@ use super::light_map::{rgb, transport};
 use super::surroundings::{Corners, Seen};
 use crate::cpu;
 use crate::march::{LightMapTraversal, LitRay, ViewRay};
-use crate::scene::{Image, Rgb, Scene, ShadowMap};
+use crate::scene::{Image, Rgb, Scene};
+use crate::visibility::ShadowMap;
 use crate::{Error, Result};
 
 /// Rows of pixels whose rays are held at once.
@@ -41,7 +42,7 @@ pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize
         let indices = first..(first + PIXELS_AT_ONCE).min(width * height);
         let seen: Vec<Seen> = indices
             .into_par_iter()
-            .map(|index| Seen::along(scene, camera.pixel_ray(index % width, index / width)))
+            .map(|index| Seen::along(maps, camera.pixel_ray(index % width, index / width)))
             .collect();
         pixels.extend(render_pixels(scene, maps, changed.as_ref(), &seen));
     }
@@ -114,7 +115,7 @@ fn render_pixels(scene: &Scene, maps: &Maps, changed: Option<&Changed>, seen: &[
         .into_par_iter()
         .map(|row| {
             let of_ambient = seen[row].of_ambient(scene);
-            let sun = seen[row].reflected(scene, -scene.light.direction);
+            let sun = seen[row].reflected(scene, maps, -scene.light.direction);
             let lit_ray = traversal.lit_ray(row);
             let lit = lit_ray.weight();
             let of_sky = OfSky::new(scene, maps, &seen[row], [sky, changed.map_or(&[], |it| &it.sky)]);

@@ -10,7 +10,8 @@ use super::extents::{Sight, shadow_grid};
 use super::light_map::{luminance, rgb};
 use super::{Constraint, Maps};
 use crate::march::{LightMapTraversal, Reflected, Surroundings, ViewRay, weight_between};
-use crate::scene::{Basis, Grid, Hit, LightFrame, Ray, Rgb, Scene, ShadowMap};
+use crate::scene::{Basis, Grid, LightFrame, Ray, Rgb, Scene};
+use crate::visibility::{Geometry, Hit, ShadowMap};
 use crate::{Error, Result};
 
 /// One direction that a light of the sky comes from, and what stands in its way.
@@ -31,14 +32,14 @@ pub struct SkyBeam {
 /// The directions of the lights that are looked for, with a shadow map for each.
 ///
 /// Cost: one ray a texel and direction.
-pub(super) fn sky_beams(scene: &Scene, sight: &Sight) -> Result<Arc<[SkyBeam]>> {
+pub(super) fn sky_beams(scene: &Scene, geometry: &Geometry, sight: &Sight) -> Result<Arc<[SkyBeam]>> {
     let Some(sky) = scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()) else {
         return Ok(Arc::new([]));
     };
     let beam = |light: usize, (towards, solid_angle): (DVec3, f64)| -> Result<SkyBeam> {
         let frame = LightFrame::along(-towards);
         let shadow_map = match shadow_grid(scene, sight, &frame, [sky.shadow_map; 2])? {
-            Some(grid) => ShadowMap::render(&scene.geometry, &frame, grid)?,
+            Some(grid) => ShadowMap::render(geometry, &frame, grid)?,
             None => ShadowMap::open(Grid::new(sight.over(&frame).grown(1.0), [1, 1])?),
         };
         let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };
@@ -56,13 +57,13 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    pub(super) fn along(scene: &Scene, ray: Ray) -> Self {
-        Self { ray, hit: scene.geometry.first_hit(&ray, f64::INFINITY) }
+    pub(super) fn along(maps: &Maps, ray: Ray) -> Self {
+        Self { ray, hit: maps.geometry.first_hit(&ray, f64::INFINITY) }
     }
 
     /// What the surface shows, as radiance towards the eye, of light of one steradian from a direction; none where the light does not
     /// arrive.
-    pub(super) fn reflected(&self, scene: &Scene, towards: DVec3) -> Option<(DVec3, Rgb)> {
+    pub(super) fn reflected(&self, scene: &Scene, maps: &Maps, towards: DVec3) -> Option<(DVec3, Rgb)> {
         let hit = self.hit?;
         let cosine = hit.normal.dot(towards);
         if cosine <= 0.0 {
@@ -70,7 +71,7 @@ impl Seen {
         }
         let point = self.ray.at(hit.distance);
         let lifted = point + hit.normal * (1e-4 * (1.0 + hit.distance));
-        if scene.geometry.blocks(&Ray { origin: lifted, direction: towards }, f64::INFINITY) {
+        if maps.geometry.blocks(&Ray { origin: lifted, direction: towards }, f64::INFINITY) {
             return None;
         }
         let transmittance = scene.medium.transmittance(hit.distance);
@@ -104,7 +105,7 @@ impl Seen {
         for beam in maps.sky.iter().filter(|beam| is_asked_for(beam.light)) {
             let ray = ViewRay::new(&self.ray, length, &beam.frame, &scene.medium);
             let scattered = weight_between(&ray, scene.medium.sigma_t, &beam.shadow_map, [0.0, end]);
-            let reflected = self.reflected(scene, beam.towards).map_or([0.0; 3], |(_, share)| share);
+            let reflected = self.reflected(scene, maps, beam.towards).map_or([0.0; 3], |(_, share)| share);
             for c in 0..3 {
                 weights[beam.light][c] += beam.solid_angle * (scattered[c] + f64::from(reflected[c]));
             }
@@ -197,7 +198,7 @@ impl Shown {
             .enumerate()
             .map(|(row, pixel)| {
                 let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
-                Row::new(scene, maps, &Seen::along(scene, ray), traversal, row, &start)
+                Row::new(scene, maps, &Seen::along(maps, ray), traversal, row, &start)
             })
             .collect();
         let is_seen = |of: std::ops::Range<usize>| {
@@ -238,7 +239,7 @@ impl Row {
         row: usize,
         start: &[Rgb],
     ) -> Self {
-        let sun = seen.reflected(scene, -scene.light.direction);
+        let sun = seen.reflected(scene, maps, -scene.light.direction);
         let corners = sun.and_then(|(point, _)| Corners::around(maps, scene.solve.basis, point));
         let share = sun.map_or([0.0; 3], |(_, share)| share);
         let (outside, lit) = (traversal.surrounding_weight(row), traversal.lit_weight(row));

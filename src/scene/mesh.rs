@@ -92,13 +92,24 @@ fn wrapped(pixel: i64, size: i64, wrap: Wrap) -> i64 {
 /// What a triangle is made of.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
+    /// What its file calls it; none for built-in shapes, and where the file has no name for it.
+    pub name: Option<String>,
     /// Diffuse reflectance, linear, in [0, 1].
     pub albedo: Rgb,
     /// Holes in it.
     pub mask: Option<Arc<AlphaMask>>,
 }
 
-/// Triangles in world space.
+/// What a triangle is part of: a built-in shape, a node of a glTF file, an object or a group of an OBJ file.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Object {
+    /// What its file calls it; none for built-in shapes, and where the file has no name for it.
+    pub name: Option<String>,
+    /// Which of the scene's occluders it came with, counted from 0.
+    pub occluder: usize,
+}
+
+/// Triangles in world space, each of one object and of one material.
 #[derive(Debug, Clone, Default)]
 pub struct Mesh {
     /// Vertices in metres.
@@ -107,22 +118,41 @@ pub struct Mesh {
     pub coordinates: Vec<[f32; 2]>,
     /// Three vertices each; counter-clockwise from outside, though both sides cast shadows.
     pub triangles: Vec<[u32; 3]>,
-    /// Material of each triangle.
+    /// Material of each triangle, an index into `materials`.
     pub material_of: Vec<u32>,
-    /// The materials.
+    /// The materials; two may have the same name.
     pub materials: Vec<Material>,
+    /// Object of each triangle, an index into `objects`.
+    pub object_of: Vec<u32>,
+    /// The objects; two may have the same name.
+    pub objects: Vec<Object>,
 }
 
 impl Mesh {
-    /// Adds another mesh, moved by `world_from_mesh`.
+    /// What a triangle is made of; panics for a triangle that is not there, like a slice.
+    #[inline]
+    pub fn material(&self, triangle: usize) -> &Material {
+        &self.materials[self.material_of[triangle] as usize]
+    }
+
+    /// What a triangle is part of; panics for a triangle that is not there, like a slice.
+    #[inline]
+    pub fn object(&self, triangle: usize) -> &Object {
+        &self.objects[self.object_of[triangle] as usize]
+    }
+
+    /// Adds another mesh, moved by `world_from_mesh`. Its materials and objects stay its own, whatever their names.
     pub fn append(&mut self, other: Mesh, world_from_mesh: DAffine3) {
         let vertex = self.positions.len() as u32;
         let material = self.materials.len() as u32;
+        let object = self.objects.len() as u32;
         self.positions.extend(other.positions.iter().map(|&p| world_from_mesh.transform_point3(p)));
         self.coordinates.extend(other.coordinates);
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|index| index + vertex)));
         self.material_of.extend(other.material_of.iter().map(|index| index + material));
         self.materials.extend(other.materials);
+        self.object_of.extend(other.object_of.iter().map(|index| index + object));
+        self.objects.extend(other.objects);
     }
 
     /// Whether the arrays belong together: lengths, indices and numbers.
@@ -164,9 +194,14 @@ impl Mesh {
     }
 
     fn validate_triangles(&self) -> Result<()> {
-        let (expected, got) = (self.triangles.len(), self.material_of.len());
-        if expected != got {
-            return Err(Error::Shape { what: "the list of materials of triangles", expected, got });
+        let expected = self.triangles.len();
+        for (what, got) in [
+            ("the list of materials of triangles", self.material_of.len()),
+            ("the list of objects of triangles", self.object_of.len()),
+        ] {
+            if expected != got {
+                return Err(Error::Shape { what, expected, got });
+            }
         }
         let outside = |t: &[u32; 3]| t.iter().any(|&vertex| vertex as usize >= self.positions.len());
         if let Some(index) = self.triangles.iter().position(outside) {
@@ -177,15 +212,16 @@ impl Mesh {
                 "below the number of vertices",
             ));
         }
-        let unknown = |&material: &u32| material as usize >= self.materials.len();
-        match self.material_of.iter().position(unknown) {
-            Some(index) => Err(Error::value(
-                format!("material_of[{index}]"),
-                self.material_of[index],
-                "below the number of materials",
-            )),
-            None => Ok(()),
-        }
+        below("material_of", &self.material_of, self.materials.len(), "below the number of materials")?;
+        below("object_of", &self.object_of, self.objects.len(), "below the number of objects")
+    }
+}
+
+/// Errors: [`Error::Value`] naming the first index that is not below `count`.
+fn below(name: &str, indices: &[u32], count: usize, expected: &'static str) -> Result<()> {
+    match indices.iter().position(|&index| index as usize >= count) {
+        Some(at) => Err(Error::value(format!("{name}[{at}]"), indices[at], expected)),
+        None => Ok(()),
     }
 }
 
@@ -218,20 +254,37 @@ mod tests {
     }
 
     #[test]
-    fn appended_meshes_keep_their_own_vertices_and_materials() {
+    fn appended_meshes_keep_their_own_vertices_materials_and_objects() {
         let one = Mesh {
             positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
             coordinates: vec![[0.0; 2]; 3],
             triangles: vec![[0, 1, 2]],
             material_of: vec![0],
-            materials: vec![Material { albedo: [0.25; 3], mask: None }],
+            materials: vec![Material { name: None, albedo: [0.25; 3], mask: None }],
+            object_of: vec![0],
+            objects: vec![Object { name: Some("one".to_owned()), occluder: 0 }],
         };
-        let mut both = one.clone();
-        both.append(one, DAffine3::from_translation(DVec3::Z));
+        let mut other = one.clone();
+        other.objects[0].name = Some("other".to_owned());
+        other.materials[0].albedo = [0.75; 3];
+        let mut both = one;
+        both.append(other, DAffine3::from_translation(DVec3::Z));
         assert!(both.validate().is_ok());
+        let name = |triangle: usize| both.object(triangle).name.as_deref();
+        assert_eq!([name(0), name(1)], [Some("one"), Some("other")]);
+        assert_eq!([0, 1].map(|triangle| both.material(triangle).albedo[0]), [0.25, 0.75]);
         assert_eq!((both.triangles[1], both.material_of[1]), ([3, 4, 5], 1));
         assert_eq!(both.positions[4], DVec3::new(1.0, 0.0, 1.0));
-        both.triangles[1][0] = 6;
-        assert!(both.validate().is_err());
+        let broken: [fn(&mut Mesh); 4] = [
+            |mesh| mesh.triangles[1][0] = 6,
+            |mesh| mesh.material_of[0] = 2,
+            |mesh| mesh.object_of[1] = 2,
+            |mesh| mesh.object_of.truncate(1),
+        ];
+        for breaks in broken {
+            let mut mesh = both.clone();
+            breaks(&mut mesh);
+            assert!(mesh.validate().is_err());
+        }
     }
 }

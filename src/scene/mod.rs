@@ -6,7 +6,6 @@
 mod animation;
 mod camera;
 mod environment;
-mod geometry;
 mod grid;
 mod image;
 mod light;
@@ -16,7 +15,6 @@ mod mesh;
 mod primitive;
 mod procedural;
 mod settings;
-mod shadow_map;
 mod skipping;
 mod strokes;
 mod surroundings;
@@ -25,23 +23,23 @@ mod volume;
 mod volume_scene;
 mod voxel_set;
 
+use std::sync::Arc;
+
 pub use animation::{Animation, Between, KeyFrame};
 pub use camera::{Camera, FovAxis, Ray, look_at};
 pub use environment::Environment;
-pub use geometry::{Geometry, Hit};
 pub use grid::{Extent, Grid};
 pub use image::{Image, RgbaImage};
 pub use light::{DirectionalLight, LightFrame};
 pub use light_basis::{BasisLight, LightBasis, Over};
 pub use medium::{Medium, henyey_greenstein};
-pub use mesh::{AlphaMask, Material, Mesh, Wrap};
+pub use mesh::{AlphaMask, Material, Mesh, Object, Wrap};
 pub use primitive::Primitive;
 pub use procedural::{Blob, Noise, Procedural};
 pub use settings::{
     Basis, MapSettings, MetricName, Quadrature, Regularization, SolveSettings, SolverName, Strategy, Target,
     Weight,
 };
-pub use shadow_map::ShadowMap;
 pub use skipping::Skipping;
 pub use strokes::Stroke;
 pub use surroundings::{Sky, Surroundings};
@@ -68,7 +66,7 @@ pub struct Scene {
     /// The air.
     pub medium: Medium,
     /// What casts shadows and what the views see.
-    pub geometry: Geometry,
+    pub mesh: Arc<Mesh>,
     /// Radiance from everywhere but the sun: surfaces reflect it, and the medium scatters it towards the eye.
     pub ambient: Rgb,
     /// Light beside that of the light map which is looked for together with it.

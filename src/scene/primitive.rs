@@ -2,7 +2,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DVec3};
 
-use super::{Material, Mesh, Rgb};
+use super::{Material, Mesh, Object, Rgb};
 use crate::{Error, Result};
 
 /// A built-in shape.
@@ -46,7 +46,7 @@ const SECTORS: u32 = 64;
 const RINGS: u32 = 32;
 
 impl Primitive {
-    /// Its triangles, all of one diffuse reflectance, counter-clockwise seen from outside.
+    /// Its triangles: one object of one diffuse reflectance, counter-clockwise seen from outside.
     ///
     /// Surfaces lie within 0.3 % of the radius. Texture coordinates run from 0 to 1 over a plane, each face
     /// of a box, the circumference and height of a sphere or cylinder, and the square around an end.
@@ -94,7 +94,9 @@ impl Primitive {
             return Err(Error::value("size", p, "small enough for finite corners"));
         }
         mesh.material_of = vec![0; mesh.triangles.len()];
-        mesh.materials = vec![Material { albedo, mask: None }];
+        mesh.materials = vec![Material { name: None, albedo, mask: None }];
+        mesh.object_of = vec![0; mesh.triangles.len()];
+        mesh.objects = vec![Object::default()];
         Ok(mesh)
     }
 }

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
 use super::{
-    DirectionalLight, Environment, Geometry, Image, Interpolation, LightBasis, Rgb, SolveSettings, Target,
-    View, Volume,
+    DirectionalLight, Environment, Image, Interpolation, LightBasis, Mesh, Rgb, SolveSettings, Target, View,
+    Volume,
 };
 
 /// Everything that a volume solve starts from.
@@ -23,7 +23,7 @@ pub struct VolumeScene {
     /// What is seen where a ray leaves the volume and meets no surface; none: the environment.
     pub background: Option<Rgb>,
     /// Surfaces in front of the volume, inside it and behind.
-    pub geometry: Arc<Geometry>,
+    pub mesh: Arc<Mesh>,
     /// Cameras, and what their pictures should show.
     pub views: Vec<VolumeView>,
     /// What a painted colour means.

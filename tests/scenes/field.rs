@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use unscatter::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use unscatter::scene::{Basis, Camera, FovAxis, Grid, LightFrame, Medium, Quadrature, ShadowMap, look_at};
+use unscatter::scene::{Basis, Camera, FovAxis, Grid, LightFrame, Medium, Quadrature, look_at};
+use unscatter::visibility::ShadowMap;
 
 use super::extent;
 

@@ -10,7 +10,8 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 use unscatter::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use unscatter::scene::{Basis, Extent, Grid, Quadrature, ShadowMap};
+use unscatter::scene::{Basis, Extent, Grid, Quadrature};
+use unscatter::visibility::ShadowMap;
 
 /// The same numbers in every run.
 pub struct Numbers(pub u64);

@@ -5,10 +5,11 @@ use std::sync::Arc;
 use glam::{DAffine3, DQuat, DVec3};
 use unscatter::problem::{Desired, Model, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use unscatter::scene::{
-    Camera, Environment, ExtinctionSettings, Find, FovAxis, Geometry, Image, Interpolation, LightBasis, Mesh,
-    Over, PropertyBounds, Regularization, Rgb, Samples, SolveSettings, Target, View, Volume, VolumeMedium,
+    Camera, Environment, ExtinctionSettings, Find, FovAxis, Image, Interpolation, LightBasis, Mesh, Over,
+    PropertyBounds, Regularization, Rgb, Samples, SolveSettings, Target, View, Volume, VolumeMedium,
     VolumeScene, VolumeView, VoxelGrid, Weight, look_at,
 };
+use unscatter::visibility::Geometry;
 
 /// Waves in the cube from −1 to 1, all of it or in a blob that fills 18 %, seen by cameras that look at its centre.
 #[derive(Debug, Clone)]
@@ -127,7 +128,7 @@ pub fn scene(medium: VolumeMedium, environment: Environment, cameras: Vec<Camera
         light_basis: Arc::new(LightBasis::discs(1, Over::Sphere, 0.5, 1).unwrap()),
         light_size: None,
         background: None,
-        geometry: Arc::new(Geometry::new(Mesh::default()).unwrap()),
+        mesh: Arc::new(Mesh::default()),
         views: cameras.into_iter().enumerate().map(view).collect(),
         target: Target::Radiance,
         stages: Vec::new(),
@@ -146,6 +147,12 @@ pub fn scene(medium: VolumeMedium, environment: Environment, cameras: Vec<Camera
     }
 }
 
+/// A state of a scene as rays meet it, surfaces and all.
+pub fn optics(scene: &VolumeScene, state: &VolumeState) -> Optics {
+    let geometry = Arc::new(Geometry::new(scene.mesh.clone()).unwrap());
+    Optics::new(scene, &geometry, state).unwrap()
+}
+
 /// What every view sees of a medium.
 pub fn pictures(scene: &VolumeScene, medium: &VolumeMedium, find: Find) -> Vec<Image> {
     let state = VolumeState { medium: medium.clone(), ..VolumeState::of(scene).unwrap() };
@@ -155,7 +162,7 @@ pub fn pictures(scene: &VolumeScene, medium: &VolumeMedium, find: Find) -> Vec<I
 /// The same of a medium and the light around it.
 pub fn pictures_in(scene: &VolumeScene, state: &VolumeState, find: Find) -> Vec<Image> {
     let medium = &state.medium;
-    let optics = Optics::new(scene, state).unwrap();
+    let optics = optics(scene, state);
     let model: Model = VolumeProblem::model(scene, find);
     let renderer = VolumeRenderer::new(scene, medium, &optics, model);
     (0..scene.views.len()).map(|view| renderer.picture(view).unwrap()).collect()
@@ -169,6 +176,6 @@ pub fn wanted(pictures: &[Image]) -> Vec<Desired> {
 
 /// The problem of finding something of a scene's medium.
 pub fn problem(scene: &VolumeScene, desired: &[Desired], find: Find) -> VolumeProblem {
-    let optics = Optics::new(scene, &VolumeState::of(scene).unwrap()).unwrap();
+    let optics = optics(scene, &VolumeState::of(scene).unwrap());
     VolumeProblem::new(scene, &scene.medium, &optics, desired, find).unwrap()
 }

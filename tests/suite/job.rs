@@ -1,7 +1,9 @@
 //! A job through the library alone, and one that is kept warm.
 
 use unscatter::Error;
-use unscatter::job::{Iteration, Job, LiveJob, Observer, Options, Preview, Quiet, Solution, Step, Stop, Wish};
+use unscatter::job::{
+    Iteration, Job, LiveJob, Observer, Options, Preview, Quiet, Solution, Step, Stop, Wish,
+};
 use unscatter::scene::Stroke;
 
 use crate::root;

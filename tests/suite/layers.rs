@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[&[&str]] = &[
     &["error"],
     &["scene"],
+    &["visibility"],
     &["march"],
     &["operator"],
     &["solve", "cpu", "gpu", "sparse", "io"],
@@ -92,6 +93,8 @@ fn imports_go_downwards_only() {
 #[test]
 fn an_upward_import_is_noticed() {
     assert_eq!(violations("scene", "use crate::{Error, Result};\nuse crate::march::Real;").len(), 1);
+    assert_eq!(violations("scene", "use crate::visibility::Geometry;").len(), 1);
+    assert_eq!(violations("march", "use crate::visibility::ShadowMap;").len(), 0);
     assert_eq!(violations("cpu", "let x = crate::solve::Cgls::new();").len(), 1);
     assert_eq!(violations("problem", "use crate::cpu;\n// crate::report is above").len(), 0);
 }

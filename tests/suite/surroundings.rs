@@ -11,6 +11,7 @@ use unscatter::problem::{LightMapProblem, TransportOperator, evenly, render, sol
 use unscatter::scene::{Medium, Ray, Rgb, Scene, Strategy, Weight};
 use unscatter::solve::Control;
 use unscatter::sparse::ExplicitMatrix;
+use unscatter::visibility::Geometry;
 
 use crate::scenes::Numbers;
 use crate::scenes::mist::{CASES, Case, scene_of};
@@ -121,6 +122,7 @@ fn paint_is_about_all_that_is_seen() {
 /// surface at the end. `counts` says where light counts.
 fn by_midpoints(
     scene: &Scene,
+    geometry: &Geometry,
     ray: &Ray,
     towards: DVec3,
     counts: impl Fn(DVec3) -> bool,
@@ -128,11 +130,11 @@ fn by_midpoints(
 ) -> [f64; 3] {
     const STEPS: usize = 4000;
     let Medium { sigma_t, albedo, .. } = scene.medium;
-    let hit = scene.geometry.first_hit(ray, f64::INFINITY);
+    let hit = geometry.first_hit(ray, f64::INFINITY);
     let end = hit.map_or(f64::INFINITY, |hit| hit.distance).min(12.0 / sigma_t[0]);
     let arrives = |point: DVec3| {
         let light = Ray { origin: point, direction: towards };
-        counts(point) && !(sees_shadows && scene.geometry.blocks(&light, f64::INFINITY))
+        counts(point) && !(sees_shadows && geometry.blocks(&light, f64::INFINITY))
     };
     let phase = scene.medium.phase(towards.dot(ray.direction));
     let mut sum = [0.0; 3];
@@ -179,11 +181,18 @@ fn columns_are_what_many_points_along_each_ray_see() {
             let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
             let of_light = |light: usize| -> [f64; 3] {
                 sky.basis.directions(light).into_iter().fold([0.0; 3], |sum, (towards, angle)| {
-                    let weight = by_midpoints(&scene, &ray, towards, |_| true, sees);
+                    let weight = by_midpoints(&scene, &problem.maps.geometry, &ray, towards, |_| true, sees);
                     std::array::from_fn(|c| sum[c] + angle * weight[c])
                 })
             };
-            let sun = by_midpoints(&scene, &ray, -scene.light.direction, outside_the_map, sees);
+            let sun = by_midpoints(
+                &scene,
+                &problem.maps.geometry,
+                &ray,
+                -scene.light.direction,
+                outside_the_map,
+                sees,
+            );
             let further = std::iter::once(sun).chain((0..sky.basis.len()).map(of_light));
             for (element, points) in further.enumerate() {
                 for (c, points) in points.into_iter().enumerate() {
@@ -397,7 +406,7 @@ fn light_that_shows_nowhere_is_an_error() {
         scene.medium.albedo = [0.0; 3];
         let sides = [DVec3::Z * 1e4, DVec3::X * 1e4];
         let floor = unscatter::scene::Primitive::Plane { centre: DVec3::new(0.0, -0.1, 0.0), sides };
-        scene.geometry = unscatter::scene::Geometry::new(floor.mesh([0.5; 3]).unwrap()).unwrap();
+        scene.mesh = floor.mesh([0.5; 3]).unwrap().into();
     };
     assert!(refused(below, &cover).contains("none of the 1 lights"));
 }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 use unscatter::march::{LightMapTransport, LightMapTraversal, Real, Traversal, ViewRay};
-use unscatter::scene::{Basis, Grid, Medium, Quadrature, ShadowMap};
+use unscatter::scene::{Basis, Grid, Medium, Quadrature};
+use unscatter::visibility::ShadowMap;
 
 use crate::scenes::{self, extent};
 

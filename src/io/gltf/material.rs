@@ -78,7 +78,7 @@ pub(super) fn read(document: &Document, index: Option<Index<JsonMaterial>>, sets
     let cutoff = cutoff(json).map(|cutoff| cutoff / factor[3]);
     let color = [factor[0], factor[1], factor[2]];
     let opaque = |albedo| Surface {
-        material: Material { albedo, mask: None },
+        material: Material { name: json.name.clone(), albedo, mask: None },
         is_invisible: cutoff.is_some_and(|cutoff| cutoff > 1.0),
         coordinates: Coordinates::default(),
     };

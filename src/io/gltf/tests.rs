@@ -6,7 +6,8 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::*;
-use crate::scene::{Geometry, Ray, Wrap};
+use crate::scene::{Ray, Wrap};
+use crate::visibility::Geometry;
 
 /// A square of two triangles in the plane z = 0, as positions, indices and coordinates in one buffer.
 fn square_bytes() -> Vec<u8> {
@@ -90,6 +91,37 @@ fn glb(json: &Value, bin: Option<&[u8]>) -> Vec<u8> {
 fn signed_area(mesh: &Mesh) -> f64 {
     let corners = mesh.triangles.iter().map(|t| t.map(|i| mesh.positions[i as usize]));
     corners.map(|[a, b, c]| 0.5 * (b - a).cross(c - a).z).sum()
+}
+
+#[test]
+fn triangles_know_their_node_and_their_material() {
+    let mut file = square();
+    file["materials"] = json!([
+        {"name": "Red", "pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}},
+        {"name": "Blue", "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 1, 1]}},
+    ]);
+    let primitive = |material: Option<usize>| {
+        let mut primitive = json!({"attributes": {"POSITION": 0}, "indices": 2});
+        material.into_iter().for_each(|index| primitive["material"] = json!(index));
+        primitive
+    };
+    file["meshes"] = json!([
+        {"primitives": [primitive(Some(0)), primitive(Some(1))]},
+        {"name": "Cloth", "primitives": [primitive(Some(1)), primitive(None)]},
+    ]);
+    // The second node has no triangles, and the third no name.
+    file["nodes"] = json!([{"name": "Wall", "mesh": 0}, {"name": "Nothing"}, {"mesh": 1}]);
+    file["scenes"] = json!([{"nodes": [0, 1, 2]}]);
+    let mesh = mesh(&file).unwrap();
+    mesh.validate().unwrap();
+    assert_eq!(mesh.object_of, [0, 0, 0, 0, 1, 1, 1, 1]);
+    let object = |triangle: usize| mesh.object(triangle).name.as_deref();
+    let material = |triangle: usize| mesh.material(triangle).name.as_deref();
+    let both = |triangle: usize| (object(triangle), material(triangle));
+    assert_eq!([0, 1].map(both), [(Some("Wall"), Some("Red")); 2]);
+    assert_eq!([2, 3].map(both), [(Some("Wall"), Some("Blue")); 2]);
+    assert_eq!([4, 5].map(both), [(Some("Cloth"), Some("Blue")); 2]);
+    assert_eq!([6, 7].map(both), [(Some("Cloth"), None); 2]);
 }
 
 #[test]

@@ -10,13 +10,13 @@ use super::document::Document;
 use super::material::{self, Surface};
 use super::tree::Tree;
 use super::{Error, Result, accessor};
-use crate::scene::Mesh;
+use crate::scene::{Mesh, Object};
 
 /// A mesh can be instanced by any number of nodes; this bounds what a small file can grow to.
 const MAX_TRIANGLES: usize = 50_000_000;
 const MAX_VERTICES: usize = 150_000_000;
 
-/// The triangles of these nodes.
+/// The triangles of these nodes, each node an object that has the node's name or, where it has none, that of its mesh.
 pub(super) fn collect(document: &Document, tree: &Tree, nodes: &[usize]) -> Result<Mesh> {
     let mut collector = Collector { document, mesh: Mesh::default(), surfaces: HashMap::new() };
     for &node in nodes {
@@ -25,6 +25,8 @@ pub(super) fn collect(document: &Document, tree: &Tree, nodes: &[usize]) -> Resu
         for primitive in &mesh.primitives {
             collector.add(primitive, tree.world_from_node(node))?;
         }
+        let name = document.root.nodes[node].name.as_ref().or(mesh.name.as_ref());
+        collector.close(name.cloned());
     }
     Ok(collector.mesh)
 }
@@ -40,6 +42,15 @@ struct Collector<'a> {
 }
 
 impl Collector<'_> {
+    /// Makes an object of the triangles that are of none yet, if there are any.
+    fn close(&mut self, name: Option<String>) {
+        let Mesh { triangles, object_of, objects, .. } = &mut self.mesh;
+        if object_of.len() < triangles.len() {
+            object_of.resize(triangles.len(), objects.len() as u32);
+            objects.push(Object { name, occluder: 0 });
+        }
+    }
+
     fn add(&mut self, primitive: &Primitive, world_from_node: DAffine3) -> Result<()> {
         let mode = match primitive.mode {
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,

@@ -5,7 +5,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{self, Geometry, Mesh, Scene};
+use crate::scene::{self, Scene};
 
 use super::assets::Assets;
 use super::channels::Channels;
@@ -13,7 +13,7 @@ use super::flaw::{At, Built, Flaw, checked};
 use super::light::Light;
 use super::map::{LightMap, ShadowMap};
 use super::medium::Medium;
-use super::occluder::Occluder;
+use super::occluder::{Occluder, mesh_of};
 use super::solve::Solve;
 use super::surroundings::Surroundings;
 use super::view::View;
@@ -118,12 +118,12 @@ impl Document {
         let surroundings = self.surroundings.as_ref();
         let surroundings = surroundings.map(|it| it.build(&assets).at("surroundings")).transpose()?;
         let views = self.build_views(&mut assets)?;
-        let geometry = self.build_geometry(&mut assets)?;
+        let mesh = mesh_of(&self.occluders, &mut assets)?;
         Ok(Scene {
             name: self.name.clone().unwrap_or_else(|| stem(file)),
             light,
             medium,
-            geometry,
+            mesh,
             ambient,
             surroundings,
             views,
@@ -142,14 +142,6 @@ impl Document {
         check_names(self.views.iter().map(|view| view.name.as_str()))?;
         let views = self.views.iter().enumerate();
         views.map(|(i, view)| view.build(assets).at(&format!("views[{i}]"))).collect()
-    }
-
-    fn build_geometry(&self, assets: &mut Assets) -> Built<Geometry> {
-        let mut mesh = Mesh::default();
-        for (i, occluder) in self.occluders.iter().enumerate() {
-            occluder.add_to(&mut mesh, assets).at(&format!("occluders[{i}]"))?;
-        }
-        Geometry::new(mesh).at("occluders")
     }
 }
 

@@ -1,10 +1,13 @@
 //! What casts shadows.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::scene::{Mesh, Primitive};
+use crate::visibility::Geometry;
 
 use super::assets::Assets;
 use super::channels::Channels;
@@ -121,11 +124,22 @@ pub struct ObjMesh {
     pub to_world: Option<Transform>,
 }
 
+/// The triangles of all occluders, which a hierarchy can be built over.
+pub(super) fn mesh_of(occluders: &[Occluder], assets: &mut Assets) -> Built<Arc<Mesh>> {
+    let mut mesh = Mesh::default();
+    for (i, occluder) in occluders.iter().enumerate() {
+        occluder.add_to(i, &mut mesh, assets).at(&format!("occluders[{i}]"))?;
+    }
+    Geometry::check(&mesh).at("occluders")?;
+    Ok(mesh.into())
+}
+
 impl Occluder {
-    /// Adds its triangles to `mesh`.
-    pub(super) fn add_to(&self, mesh: &mut Mesh, assets: &mut Assets) -> Built<()> {
+    /// Adds its triangles to `mesh`, as those of the occluder of this index.
+    fn add_to(&self, index: usize, mesh: &mut Mesh, assets: &mut Assets) -> Built<()> {
         let (key, to_world) = self.place();
-        let part = self.triangles(assets).at(key)?;
+        let mut part = self.triangles(assets).at(key)?;
+        part.objects.iter_mut().for_each(|object| object.occluder = index);
         let world_from_part = match to_world {
             Some(transform) => transform.build().at("to_world").at(key)?,
             None => DAffine3::IDENTITY,
@@ -216,7 +230,8 @@ fn is_near(point: DVec3) -> bool {
 fn append(mesh: &mut Mesh, part: Mesh, world_from_part: DAffine3) -> Built<()> {
     let vertices = mesh.positions.len().saturating_add(part.positions.len());
     let materials = mesh.materials.len().saturating_add(part.materials.len());
-    if u32::try_from(vertices).is_err() || u32::try_from(materials).is_err() {
+    let objects = mesh.objects.len().saturating_add(part.objects.len());
+    if [vertices, materials, objects].into_iter().any(|count| u32::try_from(count).is_err()) {
         return Err(Flaw::new(
             "",
             "the scene has more than 4294967295 vertices; leave out or simplify occluders",
@@ -245,7 +260,7 @@ mod tests {
     fn flaw_of(text: &str) -> String {
         let occluder: Occluder = serde_json::from_str(text).unwrap();
         let mut assets = Assets::beside("scene.json".as_ref());
-        match occluder.add_to(&mut Mesh::default(), &mut assets) {
+        match occluder.add_to(0, &mut Mesh::default(), &mut assets) {
             Err(Flaw::Document { path, .. }) => path,
             other => format!("{other:?}"),
         }
@@ -271,6 +286,25 @@ mod tests {
             assert_eq!(flaw_of(text), path, "{text}");
         }
         assert_eq!(flaw_of(r#"{"sphere": {"center": [0,0,0], "radius": 1}}"#), "Ok(())");
+    }
+
+    #[test]
+    fn each_occluder_is_an_object_of_its_own() {
+        let texts = [
+            r#"{"box": {"center": [0,0,0], "size": [1,1,1], "albedo": 0.25}}"#,
+            r#"{"sphere": {"center": [3,0,0], "radius": 1}}"#,
+            r#"{"box": {"center": [6,0,0], "size": [1,1,1], "albedo": 0.75}}"#,
+        ];
+        let occluders = texts.map(|text| serde_json::from_str(text).unwrap());
+        let mesh = mesh_of(&occluders, &mut Assets::beside("scene.json".as_ref())).unwrap();
+        assert_eq!(mesh.objects.len(), 3);
+        for (triangle, vertices) in mesh.triangles.iter().enumerate() {
+            // They lie three metres apart.
+            let expected = (mesh.positions[vertices[0] as usize].x / 3.0).round() as usize;
+            assert_eq!(mesh.object_of[triangle] as usize, expected);
+            assert_eq!(mesh.object(triangle).occluder, expected);
+            assert_eq!(mesh.material(triangle).albedo, [[0.25; 3], [0.5; 3], [0.75; 3]][expected]);
+        }
     }
 
     #[test]

@@ -11,7 +11,7 @@ use super::super::{Options, machine};
 use super::findings::{Findings, matched};
 use super::stage::Place;
 use super::staging::{self, Distance, Outcome, distance, relative};
-use super::{memory, nothing_asked, pictures, results};
+use super::{geometry_of, memory, nothing_asked, pictures, results};
 use crate::io::scene_file::AnimatedVolume;
 use crate::io::volume::Format;
 use crate::problem::{Desired, Determined, Occupied, Optics, Spread, VolumeProblem, VolumeState};
@@ -123,11 +123,13 @@ fn solve(
     steps: &mut Steps<'_>,
 ) -> Result<Vec<SolvedKey>> {
     let mut keys = Vec::new();
+    steps.begin("lighting", None);
+    let geometry = geometry_of(animated.animation.keys.iter().map(|key| &key.scene))?;
     for (index, key) in animated.animation.keys.iter().enumerate() {
         steps.within(format!("frame {}", key.frame));
         let prefix = of_frame("key", key.frame);
         let place = Place { options, folder, prefix: &prefix, is_later: index > 0 };
-        let outcome = staging::run(&key.scene, engine, place, steps)?;
+        let outcome = staging::run(&key.scene, &geometry, engine, place, steps)?;
         // Its checkpoint.
         folder.map_or(Ok(()), Folder::publish)?;
         let is_interrupted = outcome.is_interrupted();
@@ -272,7 +274,7 @@ impl Film<'_> {
             state.medium.extinction = extinction.into();
         }
         steps.begin("lighting", None);
-        let optics = Optics::new(from.scene(), &state)?;
+        let optics = Optics::new(from.scene(), from.optics.geometry(), &state)?;
         let pictures = draw(from.scene(), &state, &optics, steps)?;
         Ok(Some((state, pictures)))
     }
@@ -292,12 +294,7 @@ impl Film<'_> {
 }
 
 /// The report of all keys: the numbers of the last one, with what can be said of all together.
-fn report(
-    animated: &AnimatedVolume,
-    keys: &[SolvedKey],
-    drawn: usize,
-    timings: &Timings,
-) -> Result<Report> {
+fn report(animated: &AnimatedVolume, keys: &[SolvedKey], drawn: usize, timings: &Timings) -> Result<Report> {
     let (mut stages, mut views, mut records) = (Vec::new(), Vec::new(), Vec::new());
     let (mut sums, mut adjoint_error) = ([[0.0; 2]; 2], 0.0f64);
     for key in keys {

@@ -43,11 +43,7 @@ pub(crate) fn check_spread(scene: &VolumeScene, voxels: usize) -> Result<()> {
 }
 
 /// Bytes that the kept rows of a stage may take.
-pub(crate) fn budget(
-    scene: &VolumeScene,
-    settings: &SolveSettings,
-    problem: &VolumeProblem,
-) -> Result<u64> {
+pub(crate) fn budget(scene: &VolumeScene, settings: &SolveSettings, problem: &VolumeProblem) -> Result<u64> {
     let (allowed, needed) = (allowed(settings), stage_bytes(scene, settings, problem));
     check_memory("the solve without its matrix", needed, allowed, REMEDY)?;
     Ok(allowed - needed)
@@ -66,11 +62,7 @@ pub(crate) fn check_light(scene: &VolumeScene, optics: &Optics, find: Find) -> R
 const REMEDY: &str = "raise --memory, or lower the volume's or the views' sizes";
 
 /// Leaves the metric of tiles where it would take more than its share of the memory, for one that takes next to none.
-pub(crate) fn settle_metric(
-    scene: &VolumeScene,
-    settings: &mut SolveSettings,
-    problem: &VolumeProblem,
-) {
+pub(crate) fn settle_metric(scene: &VolumeScene, settings: &mut SolveSettings, problem: &VolumeProblem) {
     let bytes = metric_bytes(settings, problem);
     if bytes > allowed(&scene.solve) / 4 {
         let needed = mebibytes(bytes);
@@ -90,11 +82,7 @@ fn metric_bytes(settings: &SolveSettings, problem: &VolumeProblem) -> u64 {
 }
 
 /// Bytes that a stage takes beside the kept rows.
-pub(crate) fn stage_bytes(
-    scene: &VolumeScene,
-    settings: &SolveSettings,
-    problem: &VolumeProblem,
-) -> u64 {
+pub(crate) fn stage_bytes(scene: &VolumeScene, settings: &SolveSettings, problem: &VolumeProblem) -> u64 {
     let (rows, unknowns) = (problem.targets.len(), problem.start.len());
     let kept = crate::problem::vectors(settings.solver);
     let asked = settings.regularization;

@@ -9,6 +9,8 @@ mod stage;
 mod staging;
 mod turntable;
 
+use std::sync::Arc;
+
 use super::Options;
 use super::engine::Engine;
 use super::environment::write_environment;
@@ -17,17 +19,24 @@ use super::steps::{Steps, Timings};
 use crate::problem::{Desired, Model, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use crate::report::{self, Report};
 use crate::scene::{Find, Image, VolumeMedium, VolumeScene};
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 use findings::Findings;
 use stage::Place;
 use staging::Outcome;
 
-pub(super) use animate::{FoundAnimation, solve_keys};
 pub(crate) use animate::of_frame;
-pub(super) use memory::{check_keys, check_scene};
+pub(super) use animate::{FoundAnimation, solve_keys};
 pub(super) use memory::budget as stage_budget;
+pub(super) use memory::{check_keys, check_scene};
 pub use plan::VolumePlan;
 pub(super) use plan::plans;
+
+/// The hierarchy over the triangles of some scenes, which those of key frames share.
+pub(crate) fn geometry_of<'a>(scenes: impl IntoIterator<Item = &'a VolumeScene>) -> Result<Arc<Geometry>> {
+    let mesh = scenes.into_iter().next().map(|scene| scene.mesh.clone());
+    Ok(Arc::new(Geometry::new(mesh.unwrap_or_default())?))
+}
 
 /// A volume that was found, and all there is to know about it.
 pub(crate) struct FoundVolume {
@@ -44,7 +53,9 @@ pub(super) fn solve(
     steps: &mut Steps<'_>,
 ) -> Result<FoundVolume> {
     let place = Place { options, folder, prefix: "", is_later: false };
-    let outcome = staging::run(scene, engine, place, steps)?;
+    steps.begin("lighting", None);
+    let geometry = geometry_of([scene])?;
+    let outcome = staging::run(scene, &geometry, engine, place, steps)?;
     steps.begin("turning", None);
     let model = VolumeProblem::model(scene, outcome.last.find);
     let renderer = VolumeRenderer::new(scene, &outcome.state.medium, &outcome.optics, model);
@@ -103,6 +114,7 @@ impl FoundVolume {
 /// Draws the views of a scene as they are and a turn around it; false when somebody stopped it.
 pub(super) fn draw(
     scene: &VolumeScene,
+    geometry: &Arc<Geometry>,
     prefix: &str,
     turns: usize,
     folder: &Folder,
@@ -110,7 +122,7 @@ pub(super) fn draw(
     written: &mut Vec<String>,
 ) -> Result<bool> {
     steps.begin("lighting", None);
-    let optics = Optics::new(scene, &VolumeState::of(scene)?)?;
+    let optics = Optics::new(scene, geometry, &VolumeState::of(scene)?)?;
     let last = *scene.stages.last().ok_or_else(nothing_asked)?;
     let renderer = VolumeRenderer::new(scene, &scene.medium, &optics, VolumeProblem::model(scene, last));
     steps.begin("rendering", Some(scene.views.len() as u64));
@@ -130,10 +142,14 @@ pub(super) fn draw(
 }
 
 /// The problems of a scene's stages, each from the scene's own medium.
-pub(crate) fn problems(scene: &VolumeScene, steps: &mut Steps<'_>) -> Result<Vec<(Find, VolumeProblem)>> {
+pub(crate) fn problems(
+    scene: &VolumeScene,
+    geometry: &Arc<Geometry>,
+    steps: &mut Steps<'_>,
+) -> Result<Vec<(Find, VolumeProblem)>> {
     let first = *scene.stages.first().ok_or_else(nothing_asked)?;
     steps.begin("lighting", None);
-    let optics = Optics::new(scene, &VolumeState::of(scene)?)?;
+    let optics = Optics::new(scene, geometry, &VolumeState::of(scene)?)?;
     let renderer = VolumeRenderer::new(scene, &scene.medium, &optics, VolumeProblem::model(scene, first));
     let desired = Desired::of(scene, &|view| renderer.picture(view))?;
     steps.begin("tracing", None);

@@ -1,3 +1,4 @@
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -8,6 +9,7 @@ use super::super::steps::Steps;
 use super::memory;
 use crate::problem::VolumeProblem;
 use crate::scene::{Find, Strategy, VolumeScene};
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// Rows that are timed.
@@ -63,9 +65,13 @@ pub struct VolumePlan {
 }
 
 /// What each stage of a scene would take.
-pub(in crate::job) fn plans(scene: &VolumeScene, steps: &mut Steps<'_>) -> Result<Vec<VolumePlan>> {
+pub(in crate::job) fn plans(
+    scene: &VolumeScene,
+    geometry: &Arc<Geometry>,
+    steps: &mut Steps<'_>,
+) -> Result<Vec<VolumePlan>> {
     let clock = Instant::now();
-    let problems = super::problems(scene, steps)?;
+    let problems = super::problems(scene, geometry, steps)?;
     let set_up_seconds = clock.elapsed().as_secs_f64();
     let mut plans = Vec::with_capacity(problems.len());
     for (find, problem) in problems {

@@ -118,7 +118,7 @@ impl Task<'_> {
     fn preview(&self, problem: &VolumeProblem, place: Place, x: &[Rgb]) -> Result<()> {
         let Some(folder) = place.folder else { return Ok(()) };
         let state = problem.apply(self.state, x)?;
-        let optics = Optics::new(self.scene, &state)?;
+        let optics = Optics::new(self.scene, self.optics.geometry(), &state)?;
         let model = VolumeProblem::model(self.scene, self.find);
         let renderer = VolumeRenderer::new(self.scene, &state.medium, &optics, model);
         for (view, seen) in self.scene.views.iter().enumerate() {

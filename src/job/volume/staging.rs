@@ -1,5 +1,7 @@
 //! One stage after the other, each with what was found before.
 
+use std::sync::Arc;
+
 use super::super::engine::Engine;
 use super::super::steps::Steps;
 use super::findings::record;
@@ -10,6 +12,7 @@ use crate::problem::{Desired, Determined, Model, Optics, VolumeProblem, VolumeSt
 use crate::report::StageRecord;
 use crate::scene::{Find, Image, Rgb, VolumeScene};
 use crate::solve::StopReason;
+use crate::visibility::Geometry;
 
 /// A round that brings the pictures nearer by less than this share of their distance is the last one.
 const LEAST_GAIN: f64 = 1e-3;
@@ -53,11 +56,12 @@ impl Outcome {
 /// makes of that is not taken.
 pub(super) fn run(
     scene: &VolumeScene,
+    geometry: &Arc<Geometry>,
     engine: &mut Engine,
     place: Place,
     steps: &mut Steps<'_>,
 ) -> Result<Outcome> {
-    let mut course = Course::begin(scene, engine, place, steps)?;
+    let mut course = Course::begin(scene, geometry, engine, place, steps)?;
     'rounds: for round in 0..scene.rounds {
         let at_start = course.now.all;
         for &find in &scene.stages {
@@ -101,13 +105,14 @@ struct Course<'a, 's> {
 impl<'a, 's> Course<'a, 's> {
     fn begin(
         scene: &'a VolumeScene,
+        geometry: &Arc<Geometry>,
         engine: &'a mut Engine,
         place: Place<'a>,
         steps: &'a mut Steps<'s>,
     ) -> Result<Self> {
         steps.begin("lighting", None);
         let state = VolumeState::of(scene)?;
-        let optics = Optics::new(scene, &state)?;
+        let optics = Optics::new(scene, geometry, &state)?;
         let drawn = VolumeProblem::model(scene, *scene.stages.first().ok_or_else(nothing_asked)?);
         let before = pictures(scene, &state.medium, &optics, drawn, steps)?;
         let desired = Desired::of(scene, &|view| Ok(before[view].clone()))?;
@@ -207,7 +212,7 @@ impl<'a, 's> Course<'a, 's> {
         let optics = match find {
             Find::Extinction | Find::Refinement | Find::Environment => {
                 self.steps.begin("lighting", None);
-                Optics::new(self.scene, state)?
+                Optics::new(self.scene, self.optics.geometry(), state)?
             }
             Find::Emission | Find::Albedo | Find::Joint => self.optics.clone(),
         };

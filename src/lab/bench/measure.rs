@@ -190,8 +190,9 @@ impl Run<'_> {
         let clock = Instant::now();
         let coverage = operator.squares(&self.problem.weights())?;
         let formulation = self.problem.formulation(&settings)?;
-        let solved =
-            minimize(&formulation, &operator, &coverage, &settings, None, |_, _| Ok(patience.stop.control()))?;
+        let solved = minimize(&formulation, &operator, &coverage, &settings, None, |_, _| {
+            Ok(patience.stop.control())
+        })?;
         let seconds = clock.elapsed().as_secs_f64();
         let iterated = solved.outcome.history.progress.last().map_or(0, |last| last.operator_applications);
         let (error, excess) = self.sample.distances(reference, solver, &solved.x)?;

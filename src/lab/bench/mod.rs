@@ -17,8 +17,8 @@ use std::time::Duration;
 use crate::Result;
 use crate::job::{Backend, Engine, EngineChoice, Folder, Observer, Step, Stop, processor};
 use crate::report::bench::{self as report, Held, Record, Skipped, Sweep};
-use cases::{Between, Case, Place, cases};
 pub use cases::Level;
+use cases::{Between, Case, Place, cases};
 use counts::Counts;
 pub(crate) use counts::LEFT_OUT;
 use log::Log;
@@ -188,8 +188,7 @@ impl Session<'_> {
         found.skipping.extend(skipping.unwrap_or_default());
         let quick = self.asked.level == Level::Quick;
         let scaling = Scaling { patience: self.bench.patience.clone(), source, quick };
-        let mut begin =
-            |over: &str| observer.begins(&Step { name: over, within: &name, parts: None });
+        let mut begin = |over: &str| observer.begins(&Step { name: over, within: &name, parts: None });
         found.scaling.extend(scaling.run(log, &mut begin)?);
         Ok(())
     }
@@ -244,7 +243,8 @@ fn fingerprint(sources: &[Source], session: &Session<'_>) -> Result<u64> {
         source.name().hash(&mut hasher);
         source.bytes()?.hash(&mut hasher);
     }
-    let names: Vec<String> = cases(session.asked.level, &session.places, true).iter().map(Case::name).collect();
+    let names: Vec<String> =
+        cases(session.asked.level, &session.places, true).iter().map(Case::name).collect();
     let is_quick = session.asked.level == Level::Quick;
     (env!("CARGO_PKG_VERSION"), names, session.rows, is_quick).hash(&mut hasher);
     (rayon::current_num_threads(), processor()).hash(&mut hasher);

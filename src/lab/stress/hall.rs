@@ -6,8 +6,8 @@ use super::rows::Placement;
 use crate::Result;
 use crate::problem::LightMapProblem;
 use crate::scene::{
-    Camera, DirectionalLight, FovAxis, Geometry, MapSettings, Medium, Mesh, Primitive, Scene, SolveSettings,
-    Stroke, Target, View, look_at,
+    Camera, DirectionalLight, FovAxis, MapSettings, Medium, Mesh, Primitive, Scene, SolveSettings, Stroke,
+    Target, View, look_at,
 };
 
 /// Walls, floor and roof: middle and size.
@@ -48,7 +48,7 @@ pub(super) fn hall(of: &Hall) -> Result<Scene> {
         name: "hall".to_owned(),
         light: DirectionalLight::new(DVec3::new(0.45, -1.0, -0.1), [radiance; 3])?,
         medium: Medium::new([0.08 / place.scale; 3], [0.9; 3], 0.3)?,
-        geometry: Geometry::new(mesh)?,
+        mesh: mesh.into(),
         ambient: [0.0; 3],
         surroundings: None,
         views: vec![

@@ -9,7 +9,8 @@ use super::rows::{
 };
 use crate::Result;
 use crate::march::{LightMapTraversal, Quantity, ViewRay};
-use crate::scene::{Geometry, Mesh, Primitive, Ray, Volume};
+use crate::scene::{Mesh, Primitive, Ray, Volume};
+use crate::visibility::Geometry;
 
 pub(super) const CASES: [Case; 6] = [
     Case {

@@ -10,9 +10,10 @@ use crate::march::{
     VolumeTransport, VolumeTraversal, Weight,
 };
 use crate::scene::{
-    Basis, Camera, Extent, FovAxis, Grid, Interpolation, Quadrature, Ray, Samples, ShadowMap, Volume,
-    VoxelGrid, VoxelSet,
+    Basis, Camera, Extent, FovAxis, Grid, Interpolation, Quadrature, Ray, Samples, Volume, VoxelGrid,
+    VoxelSet,
 };
+use crate::visibility::ShadowMap;
 
 pub(super) const BASES: [Basis; 2] = [Basis::Nearest, Basis::Bilinear];
 pub(super) const INTERPOLATIONS: [Interpolation; 2] = [Interpolation::Nearest, Interpolation::Trilinear];

@@ -7,7 +7,8 @@ use super::hall::{Hall, problem};
 use super::rows::{BASES, Placement, apart, light_map_rows, relative, row_sum, texels, view_ray, worse};
 use crate::Result;
 use crate::march::{LightMapTraversal, ViewRay};
-use crate::scene::{Basis, ShadowMap};
+use crate::scene::Basis;
+use crate::visibility::ShadowMap;
 
 pub(super) const CASES: [Case; 4] = [
     Case {

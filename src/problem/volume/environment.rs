@@ -34,7 +34,7 @@ impl LightColumns {
             directions.map(|(towards, angle)| scattered(towards, [angle as f32; 3])).collect()
         };
         let lights: Vec<Vec<Beam>> = (0..basis.len()).map(beams).collect();
-        let (density, geometry, voxels) = (&optics.density, &scene.geometry, part.voxels());
+        let (density, geometry, voxels) = (&optics.density, optics.geometry(), part.voxels());
         Ok(if density.is_grey() {
             Self::Grey(light_columns(density, geometry, &part.grid, voxels, &lights)?)
         } else {

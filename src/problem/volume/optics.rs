@@ -7,8 +7,9 @@ use super::VolumeState;
 use crate::cpu::{Beam, light_volume};
 use crate::march::{Density, InScattering, LitVolume, PixelRays, Refraction, VolumeTransport};
 use crate::scene::{
-    DirectionalLight, Environment, Hit, Ray, Rgb, VolumeMedium, VolumeScene, VoxelGrid, henyey_greenstein,
+    DirectionalLight, Environment, Ray, Rgb, VolumeMedium, VolumeScene, VoxelGrid, henyey_greenstein,
 };
+use crate::visibility::{Geometry, Hit};
 use crate::{Error, Result};
 
 /// Voxels of the cached light along an axis where the scene does not say how many. A sun casts shadows, which are sharp: as
@@ -17,9 +18,11 @@ use crate::{Error, Result};
 const SUN_SIDE: usize = 128;
 const SKY_SIDES: [usize; 2] = [16, 64];
 
-/// A medium as rays meet it: its extinction, the light that it scatters, and what bends the rays.
+/// A medium as rays meet it: its extinction, the light that it scatters, what bends the rays, and the surfaces around it.
 #[derive(Debug, Clone)]
 pub struct Optics {
+    /// Surfaces in front of the medium, inside it and behind.
+    geometry: Arc<Geometry>,
     /// Extinction.
     pub density: Arc<Density>,
     /// Light to be scattered; none where it is dark.
@@ -46,11 +49,11 @@ pub(super) enum Behind {
 
 impl Optics {
     /// Prepares a medium under the suns of a scene and its environment: the light that arrives is attenuated and shadowed once,
-    /// and cached.
+    /// and cached. The hierarchy must be of the scene's triangles; it does not depend on the state, so that one serves many.
     ///
     /// Errors: [`Error::Value`] for anisotropic scattering of environment light, which would need one cached volume a
     /// direction.
-    pub fn new(scene: &VolumeScene, state: &VolumeState) -> Result<Self> {
+    pub fn new(scene: &VolumeScene, geometry: &Arc<Geometry>, state: &VolumeState) -> Result<Self> {
         let VolumeState { medium, environment } = state;
         let density = Density::new(medium.extinction.clone(), medium.interpolation);
         let density = Arc::new(if scene.solve.skip.bricks { density } else { density.entered_everywhere() });
@@ -58,13 +61,14 @@ impl Optics {
             let step = step.unwrap_or_else(|| 0.5 * shortest_side(index.grid()));
             Ok::<_, Error>(Arc::new(Refraction::new(index.clone(), step)?))
         });
-        let sky = sky(scene, medium, environment, &density)?;
-        let suns = suns(scene, medium, &density)?;
+        let sky = sky(scene, geometry, medium, environment, &density)?;
+        let suns = suns(scene, geometry, medium, &density)?;
         let together = |fields: Vec<LitVolume>| match fields.is_empty() {
             true => None,
             false => Some(Arc::new(InScattering::new(fields))),
         };
         Ok(Self {
+            geometry: geometry.clone(),
             light: together(sky.into_iter().chain(suns.iter().cloned()).collect()),
             suns: together(suns),
             density,
@@ -72,6 +76,11 @@ impl Optics {
             around: environment.mean(),
             environment: environment.clone(),
         })
+    }
+
+    /// The hierarchy over the scene's triangles.
+    pub fn geometry(&self) -> &Arc<Geometry> {
+        &self.geometry
     }
 
     /// What comes from everywhere but the suns.
@@ -91,11 +100,11 @@ impl Optics {
     }
 
     /// How far rays go before they meet a surface; empty where there are no surfaces.
-    pub fn lengths(&self, scene: &VolumeScene, rays: &PixelRays) -> Vec<f64> {
-        if is_open(scene) {
+    pub fn lengths(&self, rays: &PixelRays) -> Vec<f64> {
+        if self.geometry.is_open() {
             return Vec::new();
         }
-        let length = |row: usize| self.end(scene, rays, row).1.map_or(f64::INFINITY, |(length, _)| length);
+        let length = |row: usize| self.end(rays, row).1.map_or(f64::INFINITY, |(length, _)| length);
         (0..rays.len()).into_par_iter().map(length).collect()
     }
 
@@ -121,10 +130,10 @@ impl Optics {
         let [view, pixel] = rays.pixel(row);
         let picture = scene.views.get(view as usize).and_then(|view| view.background.as_ref());
         let known = picture.map(|picture| picture.pixels[pixel as usize]).or(scene.background);
-        if let (true, Some(color)) = (is_open(scene), known) {
+        if let (true, Some(color)) = (self.geometry.is_open(), known) {
             return Behind::Known(color);
         }
-        let (ray, hit) = self.end(scene, rays, row);
+        let (ray, hit) = self.end(rays, row);
         match (hit, known) {
             (Some((_, hit)), _) => {
                 let suns = self.reflected(scene, ray.at(hit.distance), hit.normal);
@@ -136,11 +145,11 @@ impl Optics {
     }
 
     /// The straight ray that a row ends on, and how long the row is and what it meets there, if anything.
-    fn end(&self, scene: &VolumeScene, rays: &PixelRays, row: usize) -> (Ray, Option<(f64, Hit)>) {
+    fn end(&self, rays: &PixelRays, row: usize) -> (Ray, Option<(f64, Hit)>) {
         let mut end = (rays.ray(row), None);
         rays.each_straight(row, self.refraction.as_deref(), |ray, a, b| {
             let start = Ray { origin: ray.at(a), direction: ray.direction };
-            let hit = scene.geometry.first_hit(&start, b - a);
+            let hit = self.geometry.first_hit(&start, b - a);
             end = (start, hit.map(|hit| (a + hit.distance, hit)));
             end.1.is_none()
         });
@@ -154,7 +163,7 @@ impl Optics {
             let cosine = -normal.dot(sun.direction);
             let lifted = point + normal * (1e-4 * (1.0 + point.length()));
             let towards = Ray { origin: lifted, direction: -sun.direction };
-            if cosine <= 0.0 || scene.geometry.blocks(&towards, f64::INFINITY) {
+            if cosine <= 0.0 || self.geometry.blocks(&towards, f64::INFINITY) {
                 continue;
             }
             let tau = self.density.optical_depth(lifted, -sun.direction, f64::INFINITY);
@@ -199,6 +208,7 @@ pub(super) fn check_phase(medium: &VolumeMedium) -> Result<()> {
 
 fn sky(
     scene: &VolumeScene,
+    geometry: &Geometry,
     medium: &VolumeMedium,
     environment: &Environment,
     density: &Density,
@@ -209,18 +219,23 @@ fn sky(
     check_phase(medium)?;
     let beams = environment.beams().into_iter().filter(|(_, radiance)| *radiance != [0.0; 3]);
     let beams: Vec<Beam> = beams.map(|(towards, radiance)| scattered(towards, radiance)).collect();
-    let radiance = light_volume(density, &scene.geometry, sky_grid(scene, density)?, &beams)?;
+    let radiance = light_volume(density, geometry, sky_grid(scene, density)?, &beams)?;
     Ok(Some(LitVolume { along: None, radiance: Arc::new(radiance) }))
 }
 
-fn suns(scene: &VolumeScene, medium: &VolumeMedium, density: &Density) -> Result<Vec<LitVolume>> {
+fn suns(
+    scene: &VolumeScene,
+    geometry: &Geometry,
+    medium: &VolumeMedium,
+    density: &Density,
+) -> Result<Vec<LitVolume>> {
     let suns: Vec<_> = scene.lights.iter().filter(|sun| sun.radiance != [0.0; 3]).collect();
     if density.cells().is_empty() || suns.is_empty() {
         return Ok(Vec::new());
     }
     let grid = light_grid(scene, density, |side| side.min(SUN_SIDE))?;
     let lit = |along, beams: &[Beam]| -> Result<LitVolume> {
-        let radiance = Arc::new(light_volume(density, &scene.geometry, grid, beams)?);
+        let radiance = Arc::new(light_volume(density, geometry, grid, beams)?);
         Ok(LitVolume { along, radiance })
     };
     // Where the phase function does not depend on the view, it is part of what arrives.
@@ -239,10 +254,6 @@ fn suns(scene: &VolumeScene, medium: &VolumeMedium, density: &Density) -> Result
 fn sky_side(side: usize) -> usize {
     let [fewest, most] = SKY_SIDES;
     (side / 2).clamp(fewest.min(side), most)
-}
-
-fn is_open(scene: &VolumeScene) -> bool {
-    scene.geometry.mesh().triangles.is_empty()
 }
 
 /// Length of the shortest side of a voxel, in metres.

@@ -78,7 +78,7 @@ impl VolumeProblem {
         let searched = Searched::new(scene, medium, optics, find)?;
         let (pixels, unwanted) = wanted_pixels(scene, desired);
         let rays = open_rays(scene, &pixels);
-        let lengths = optics.lengths(scene, &rays);
+        let lengths = optics.lengths(&rays);
         let rays = rays.until(lengths.into());
         let all = VolumeTraversal::new(optics.transport(scene, medium), rays, searched.parts.clone());
         let seen = (find == Find::Environment).then(|| SeenLights::new(scene, optics, &all));
@@ -114,7 +114,7 @@ impl VolumeProblem {
             None => VolumeRows::Voxels(all.along(all.rays().picked(&kept))),
             Some(seen) => {
                 // Surfaces may be of any colour.
-                grey &= scene.geometry.mesh().triangles.is_empty();
+                grey &= optics.geometry().is_open();
                 let columns = Arc::new(LightColumns::new(scene, optics, &searched.parts[0])?);
                 let rows = LitRows { scattered: all, columns, seen }.picked(&kept);
                 check_light(&rows)?;

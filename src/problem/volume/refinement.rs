@@ -24,7 +24,7 @@ impl VolumeProblem {
         let searched = Searched::new(scene, medium, optics, Find::Refinement)?;
         let (pixels, unwanted) = wanted_pixels(scene, desired);
         let rays = open_rays(scene, &pixels);
-        let lengths = optics.lengths(scene, &rays);
+        let lengths = optics.lengths(&rays);
         let rays = rays.until(lengths.into());
         let all = VolumeTraversal::new(optics.transport(scene, medium), rays, searched.parts.clone());
         let meeting: Vec<usize> =

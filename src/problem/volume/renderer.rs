@@ -66,7 +66,7 @@ impl<'a> VolumeRenderer<'a> {
     }
 
     fn draw(&self, what: &str, rays: PixelRays, size: [usize; 2]) -> Result<Image> {
-        let lengths = self.optics.lengths(self.scene, &rays);
+        let lengths = self.optics.lengths(&rays);
         let traversal = self.traversal(rays.until(lengths.into()));
         let count = size[0] * size[1];
         let colors = (0..count).into_par_iter().map(|row| self.radiance(&traversal, row)).collect();

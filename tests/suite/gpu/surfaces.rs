@@ -2,7 +2,8 @@
 
 use unscatter::io::scene_file;
 use unscatter::problem::{Constraint, LightMapProblem, Rasterized, Surfaces, Traced};
-use unscatter::scene::{Extent, Grid, Scene, ShadowMap};
+use unscatter::scene::{Extent, Grid, Scene};
+use unscatter::visibility::ShadowMap;
 
 use super::gpu;
 use crate::tolerances::SILHOUETTES;
@@ -41,15 +42,16 @@ fn surfaces_are_those_that_rays_meet() {
         let scene = demo(name);
         let problem = LightMapProblem::new(&scene).unwrap();
         let (frame, grid) = (problem.maps.frame, *problem.maps.shadow_map.grid());
-        let seen = rasterized.shadow_map(&scene, &frame, grid).unwrap();
+        let geometry = &problem.maps.geometry;
+        let seen = rasterized.shadow_map(geometry, &frame, grid).unwrap();
         let truth = depths(&problem.maps.shadow_map);
         assert_eq!(seen.depth_origin(), problem.maps.shadow_map.depth_origin());
         let share = differ(&depths(&seen), &truth);
         assert!(share <= SILHOUETTES, "{name}: {share} of the shadow map");
 
         let pixels = all_pixels(&scene);
-        let lengths = rasterized.lengths(&scene, &pixels).unwrap();
-        let true_lengths = Traced.lengths(&scene, &pixels).unwrap();
+        let lengths = rasterized.lengths(&scene, geometry, &pixels).unwrap();
+        let true_lengths = Traced.lengths(&scene, geometry, &pixels).unwrap();
         let share = differ(&lengths, &true_lengths);
         assert!(share <= SILHOUETTES, "{name}: {share} of the pixels");
 
@@ -58,7 +60,7 @@ fn surfaces_are_those_that_rays_meet() {
         let Extent { min, max } = grid.extent;
         let moved = Grid::new(Extent { min: min + aside, max: max + aside }, grid.size).unwrap();
         assert!(
-            differ(&depths(&rasterized.shadow_map(&scene, &frame, moved).unwrap()), &truth) > SILHOUETTES
+            differ(&depths(&rasterized.shadow_map(geometry, &frame, moved).unwrap()), &truth) > SILHOUETTES
         );
     }
 }
@@ -70,6 +72,6 @@ fn a_map_of_several_tiles_has_no_seams() {
     scene.shadow_map.size = [4100, 30];
     let problem = LightMapProblem::new(&scene).unwrap();
     let grid = *problem.maps.shadow_map.grid();
-    let seen = Rasterized(gpu()).shadow_map(&scene, &problem.maps.frame, grid).unwrap();
+    let seen = Rasterized(gpu()).shadow_map(&problem.maps.geometry, &problem.maps.frame, grid).unwrap();
     assert!(differ(&depths(&seen), &depths(&problem.maps.shadow_map)) <= SILHOUETTES);
 }

@@ -34,7 +34,7 @@ const TWINS: &[(&str, &str, &str, &str)] = &[
     ("shorten", "vector", "operator/cpu_vector", "fn shorten"),
     ("squares", "walked", "cpu/transport", "fn squares"),
     // Rays find the same triangles by the hierarchy.
-    ("surfaces", "surfaces", "scene/geometry", "fn first_hit"),
+    ("surfaces", "surfaces", "visibility/geometry", "fn first_hit"),
     ("tiles", "tiles", "cpu/tiles", "fn sweep"),
 ];
 

@@ -2,9 +2,9 @@
 
 use unscatter::Error;
 use unscatter::operator::{CpuVector, LinearOperator, adjoint_test};
-use unscatter::problem::{Optics, TransportOperator, VolumeProblem, VolumeState};
+use unscatter::problem::{TransportOperator, VolumeProblem, VolumeState};
 use unscatter::scene::{
-    DirectionalLight, Environment, Find, Geometry, LightBasis, Over, Primitive, Rgb, Strategy, VolumeMedium,
+    DirectionalLight, Environment, Find, LightBasis, Mesh, Over, Primitive, Rgb, Strategy, VolumeMedium,
     VolumeScene, look_at,
 };
 use unscatter::sparse::ExplicitMatrix;
@@ -12,6 +12,7 @@ use unscatter::sparse::ExplicitMatrix;
 use super::scene::scene as made;
 use super::scene::{picture_error, pictures_in, problem, relative, solved_state, wanted};
 use super::*;
+use crate::scenes::volume::optics;
 use crate::tolerances::{ADJOINT_F32, AGAINST_EXPLICIT, VOLUME_PICTURES};
 
 /// What differs from case to case.
@@ -34,10 +35,10 @@ const CASES: [Case; 5] = [
 ];
 
 /// A square below the cloud.
-fn floor(side: f64, albedo: Rgb) -> Geometry {
+fn floor(side: f64, albedo: Rgb) -> Arc<Mesh> {
     let sides = [DVec3::Z * side, DVec3::X * side];
     let floor = Primitive::Plane { centre: DVec3::new(0.0, -2.6, 0.0), sides };
-    Geometry::new(floor.mesh(albedo).unwrap()).unwrap()
+    floor.mesh(albedo).unwrap().into()
 }
 
 /// A cloud in some sun that glows a little, seen from all around.
@@ -69,7 +70,7 @@ fn scene(case: &Case) -> VolumeScene {
         false => LightBasis::discs(21, Over::Sphere, 0.6, 2).unwrap(),
     });
     if case.has_floor {
-        scene.geometry = Arc::new(floor(8.0, [0.5, 0.4, 0.3]));
+        scene.mesh = floor(8.0, [0.5, 0.4, 0.3]);
     }
     scene
 }
@@ -174,11 +175,11 @@ fn lights_that_nothing_shows_are_refused() {
     // A hemisphere that points down at a floor, seen from above it.
     let mut scene = scene(&CASES[4]);
     scene.background = Some([0.1; 3]);
-    scene.geometry = Arc::new(floor(4000.0, [0.0; 3]));
+    scene.mesh = floor(4000.0, [0.0; 3]);
     scene.light_basis = Arc::new(LightBasis::discs(9, Over::Hemisphere(DVec3::NEG_Y), 0.2, 1).unwrap());
     let state = VolumeState::of(&scene).unwrap();
     let desired = wanted(&pictures_in(&scene, &state, Find::Environment));
-    let optics = Optics::new(&scene, &state).unwrap();
+    let optics = optics(&scene, &state);
     let refused = VolumeProblem::new(&scene, &scene.medium, &optics, &desired, Find::Environment);
     let Err(error) = refused else { panic!("nothing can come from below") };
     assert!(error.to_string().contains("none of the 9 lights reaches"), "{error}");

@@ -1,7 +1,8 @@
 //! Light that is cached at voxels against its definition.
 
 use unscatter::cpu::{Beam, light_volume, near_medium};
-use unscatter::scene::{Environment, Geometry, Mesh, Primitive};
+use unscatter::scene::{Environment, Mesh, Primitive};
+use unscatter::visibility::Geometry;
 
 use super::*;
 use crate::tolerances::VOLUME_LIGHT;

@@ -1,10 +1,11 @@
 //! Pictures against Mitsuba's, which tests/fixtures/mitsuba/make.py made: single scattering, pixel centres only.
 
 use unscatter::io::image::read_image;
-use unscatter::problem::{Model, Optics, VolumeRenderer, VolumeState};
+use unscatter::problem::{Model, VolumeRenderer, VolumeState};
 use unscatter::scene::{DirectionalLight, Environment, Image, VolumeMedium, VolumeScene, look_at};
 
 use super::*;
+use crate::scenes::volume::optics;
 use crate::tolerances::{MITSUBA_BIAS, MITSUBA_BIAS_THICK, MITSUBA_EMPTY, MITSUBA_LARGEST, MITSUBA_RMS};
 
 struct Case {
@@ -85,7 +86,7 @@ fn is_close([rms, largest]: [f64; 2]) -> bool {
 /// The picture of a case agrees, and neither albedo that is off by 3 % nor the picture of another case does.
 fn agrees(name: &str, case: &Case, bias: f64, others: &[&str]) {
     let scene = scene(case);
-    let optics = Optics::new(&scene, &VolumeState::of(&scene).unwrap()).unwrap();
+    let optics = optics(&scene, &VolumeState::of(&scene).unwrap());
     let picture = |medium: &VolumeMedium| {
         VolumeRenderer::new(&scene, medium, &optics, Model::SingleScattering).picture(0).unwrap()
     };

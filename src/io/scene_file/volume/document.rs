@@ -16,10 +16,10 @@ use crate::io::scene_file::channels::Channels;
 use crate::io::scene_file::document::{Document, Target, check_names, stem, unknown_version};
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
 use crate::io::scene_file::light::Light;
-use crate::io::scene_file::occluder::Occluder;
+use crate::io::scene_file::occluder::{Occluder, mesh_of};
 use crate::io::scene_file::solve::Solve;
 use crate::io::transforms::Shot;
-use crate::scene::{self, FovAxis, Geometry, Mesh, VolumeMedium, VolumeScene};
+use crate::scene::{self, FovAxis, VolumeMedium, VolumeScene};
 
 /// An unscatter scene of a volume. Lengths are in metres, angles in degrees, radiance is linear Rec. 709; cameras look along
 /// −Z with +Y up. File names are relative to the scene file.
@@ -255,10 +255,7 @@ impl VolumeDocument {
         let lights = lights.collect::<Built<_>>()?;
         let medium = medium(assets)?;
         let views = self.build_views(assets)?;
-        let mut mesh = Mesh::default();
-        for (i, occluder) in self.occluders.iter().enumerate() {
-            occluder.add_to(&mut mesh, assets).at(&format!("occluders[{i}]"))?;
-        }
+        let mesh = mesh_of(&self.occluders, assets)?;
         Ok(VolumeScene {
             name: self.name.clone().unwrap_or_else(|| stem(file)),
             medium,
@@ -267,7 +264,7 @@ impl VolumeDocument {
             light_basis: Arc::new(light_basis),
             light_size,
             background,
-            geometry: Arc::new(Geometry::new(mesh).at("occluders")?),
+            mesh,
             views,
             target: self.target.into(),
             stages,

@@ -1,7 +1,8 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::{Geometry, Grid, LightFrame, Ray};
+use super::Geometry;
+use crate::scene::{Grid, LightFrame, Ray};
 use crate::{Error, Result};
 
 /// Depth of the first surface along a directional light, with a min-max pyramid over it.

@@ -22,6 +22,8 @@ const RUN_UP: f64 = 1e-3;
 #[derive(Debug)]
 pub(super) struct Hierarchy {
     tree: CwBvh,
+    /// Of each leaf the index that its triangle was given.
+    indices: Vec<u32>,
     corners: Vec<[DVec3; 3]>,
     bounds: [DVec3; 2],
     centre: DVec3,
@@ -38,15 +40,17 @@ struct Entry {
 }
 
 impl Hierarchy {
-    /// Over triangles that are finite and not degenerate; none without triangles.
-    pub(super) fn new(triangles: &[[DVec3; 3]]) -> Option<Self> {
+    /// Over triangles that are finite and not degenerate, with their indices, which increase; none without triangles.
+    pub(super) fn new(triangles: &[(u32, [DVec3; 3])]) -> Option<Self> {
         let bounds = bounds_of(triangles)?;
         let centre = bounds[0].midpoint(bounds[1]);
         let scale = 2.0 / (bounds[1] - bounds[0]).max_element();
-        let boxes: Vec<Aabb> = triangles.iter().map(|corners| padded_box(corners, centre, scale)).collect();
-        let tree = bvh2_to_cwbvh(&build(&boxes), 3, true, false);
-        let corners = tree.primitive_indices.iter().map(|&index| triangles[index as usize]).collect();
-        Some(Self { tree, corners, bounds, centre, scale })
+        let boxes = triangles.iter().map(|(_, corners)| padded_box(corners, centre, scale));
+        let mut tree = bvh2_to_cwbvh(&build(&boxes.collect::<Vec<Aabb>>()), 3, true, false);
+        // Walks of the tree do not read it.
+        let leaves = std::mem::take(&mut tree.primitive_indices);
+        let (indices, corners) = leaves.iter().map(|&leaf| triangles[leaf as usize]).unzip();
+        Some(Self { tree, indices, corners, bounds, centre, scale })
     }
 
     /// The corners of the smallest box around the triangles.
@@ -66,7 +70,7 @@ impl Hierarchy {
         let mut best: Option<(f64, usize)> = None;
         self.tree.ray_traverse(entry.boxes, &mut RayHit::none(), |_, leaf| {
             let Some((distance, meeting)) = self.meet(&entry, leaf, limit) else { return f32::INFINITY };
-            let index = self.tree.primitive_indices[leaf] as usize;
+            let index = self.indices[leaf] as usize;
             if best.is_some_and(|nearest| nearest <= (distance, index)) || !is_there(index, &meeting.weights)
             {
                 return f32::INFINITY;
@@ -81,9 +85,7 @@ impl Hierarchy {
     pub(super) fn any(&self, ray: &Ray, limit: f64, is_there: impl Fn(usize, &[f64; 3]) -> bool) -> bool {
         let Some(entry) = self.enter(ray, limit) else { return false };
         !self.tree.ray_traverse_miss(entry.boxes, |_, leaf| match self.meet(&entry, leaf, limit) {
-            Some((_, meeting)) if is_there(self.tree.primitive_indices[leaf] as usize, &meeting.weights) => {
-                0.0
-            }
+            Some((_, meeting)) if is_there(self.indices[leaf] as usize, &meeting.weights) => 0.0,
             _ => f32::INFINITY,
         })
     }
@@ -144,10 +146,10 @@ impl Hierarchy {
     }
 }
 
-fn bounds_of(triangles: &[[DVec3; 3]]) -> Option<[DVec3; 2]> {
-    let first = triangles.first()?[0];
+fn bounds_of(triangles: &[(u32, [DVec3; 3])]) -> Option<[DVec3; 2]> {
+    let first = triangles.first()?.1[0];
     let around = |[low, high]: [DVec3; 2], p: &DVec3| [low.min(*p), high.max(*p)];
-    Some(triangles.iter().flatten().fold([first; 2], around))
+    Some(triangles.iter().flat_map(|(_, corners)| corners).fold([first; 2], around))
 }
 
 fn padded_box(corners: &[DVec3; 3], centre: DVec3, scale: f64) -> Aabb {

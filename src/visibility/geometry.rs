@@ -1,21 +1,22 @@
-mod build;
-mod hierarchy;
-mod triangle;
+use std::sync::Arc;
 
 use glam::DVec3;
 
-use self::hierarchy::Hierarchy;
-use self::triangle::Probe;
-use super::{LightFrame, Mesh, Ray, Rgb};
+use super::hierarchy::Hierarchy;
+use super::triangle::Probe;
+use crate::scene::{LightFrame, Mesh, Ray, Rgb};
 use crate::{Error, Result};
 
 /// Triangles with a bounding volume hierarchy over them.
+///
+/// The mesh stays as it is, so that indices of triangles are the same here and in the scene. Triangles without area are in
+/// it, but nothing ever hits them.
 ///
 /// Intersections are computed in f64 and are watertight: a ray does not pass between two triangles that share
 /// an edge or a vertex. Both sides of a triangle are hit.
 #[derive(Debug)]
 pub struct Geometry {
-    mesh: Mesh,
+    mesh: Arc<Mesh>,
     hierarchy: Option<Hierarchy>,
     masked: bool,
 }
@@ -29,6 +30,8 @@ pub struct Hit {
     pub normal: DVec3,
     /// Diffuse reflectance.
     pub albedo: Rgb,
+    /// Which triangle it is, an index into [`Mesh::triangles`]: [`Mesh::object`] and [`Mesh::material`] say of what.
+    pub triangle: usize,
 }
 
 impl Geometry {
@@ -37,24 +40,39 @@ impl Geometry {
     /// How far from the origin a vertex may be along each axis, in metres.
     pub const MAX_COORDINATE: f64 = 1e12;
 
-    /// Builds the hierarchy. An empty mesh is fine: open air. Triangles without area are dropped.
+    /// Builds the hierarchy. An empty mesh is fine: open air.
+    ///
+    /// Errors: those of [`Self::check`].
+    pub fn new(mesh: impl Into<Arc<Mesh>>) -> Result<Self> {
+        let mesh = mesh.into();
+        Self::check(&mesh)?;
+        let all = mesh.triangles.iter().enumerate();
+        let all = all.map(|(index, &triangle)| (index as u32, corners(&mesh, triangle)));
+        let solid: Vec<_> = all.filter(|(_, corners)| has_area(corners)).collect();
+        let hierarchy = Hierarchy::new(&solid);
+        let masked = mesh.materials.iter().any(|material| material.mask.is_some());
+        Ok(Self { mesh, hierarchy, masked })
+    }
+
+    /// Whether a hierarchy can be built over a mesh; nothing is built for it.
     ///
     /// Errors: [`Error::Shape`] for arrays whose lengths do not agree; [`Error::Value`] for vertices that are
     /// not finite or beyond 10¹² m, indices out of range and impossible materials; [`Error::NonFinite`] for
     /// texture coordinates where there are alpha masks; [`Error::TooLarge`] beyond 2²⁸ triangles.
-    pub fn new(mut mesh: Mesh) -> Result<Self> {
+    pub fn check(mesh: &Mesh) -> Result<()> {
         mesh.validate()?;
-        check_size(&mesh)?;
-        drop_degenerate(&mut mesh);
-        let triangles: Vec<_> = mesh.triangles.iter().map(|&triangle| corners(&mesh, triangle)).collect();
-        let hierarchy = Hierarchy::new(&triangles);
-        let masked = mesh.materials.iter().any(|material| material.mask.is_some());
-        Ok(Self { mesh, hierarchy, masked })
+        check_size(mesh)
     }
 
     /// The triangles.
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
+    }
+
+    /// Whether there is no surface at all.
+    #[inline]
+    pub fn is_open(&self) -> bool {
+        self.hierarchy.is_none()
     }
 
     /// The corners of the smallest box around everything; none for open air.
@@ -76,18 +94,20 @@ impl Geometry {
     /// is not finite hits nothing.
     pub fn first_hit(&self, ray: &Ray, limit: f64) -> Option<Hit> {
         let hierarchy = self.hierarchy.as_ref()?;
-        let (distance, index) =
+        let (distance, triangle) =
             hierarchy.first(ray, limit, |index, weights| self.is_there(index, weights))?;
-        let normal = normal(&corners(&self.mesh, self.mesh.triangles[index]));
+        let normal = normal(&corners(&self.mesh, self.mesh.triangles[triangle]));
         let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
-        let albedo = self.mesh.materials[self.mesh.material_of[index] as usize].albedo;
-        Some(Hit { distance, normal, albedo })
+        let albedo = self.mesh.material(triangle).albedo;
+        Some(Hit { distance, normal, albedo, triangle })
     }
 
-    /// Where a ray meets one triangle, by its index in the mesh; none where it misses it or passes a hole.
+    /// Where a ray meets one triangle, by its index in the mesh; none where it misses it or passes a hole, and for a
+    /// triangle without area.
     pub fn hit_on(&self, ray: &Ray, triangle: usize) -> Option<f64> {
-        let meeting = Probe::new(ray).meet(&corners(&self.mesh, *self.mesh.triangles.get(triangle)?))?;
-        let there = meeting.distance > 0.0 && self.is_there(triangle, &meeting.weights);
+        let corners = corners(&self.mesh, *self.mesh.triangles.get(triangle)?);
+        let meeting = Probe::new(ray).meet(&corners)?;
+        let there = meeting.distance > 0.0 && has_area(&corners) && self.is_there(triangle, &meeting.weights);
         there.then_some(meeting.distance)
     }
 
@@ -104,7 +124,7 @@ impl Geometry {
         if !self.masked {
             return true;
         }
-        let Some(mask) = &self.mesh.materials[self.mesh.material_of[index] as usize].mask else {
+        let Some(mask) = &self.mesh.material(index).mask else {
             return true;
         };
         let mut at = [0.0; 2];
@@ -125,6 +145,10 @@ fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
     (*b - *a).cross(*c - *a).normalize()
 }
 
+fn has_area(corners: &[DVec3; 3]) -> bool {
+    normal(corners).is_finite()
+}
+
 fn check_size(mesh: &Mesh) -> Result<()> {
     if mesh.triangles.len() > Geometry::MAX_TRIANGLES {
         return Err(Error::TooLarge {
@@ -142,17 +166,6 @@ fn check_size(mesh: &Mesh) -> Result<()> {
         }
         None => Ok(()),
     }
-}
-
-fn drop_degenerate(mesh: &mut Mesh) {
-    let has_area: Vec<bool> = mesh.triangles.iter().map(|&t| normal(&corners(mesh, t)).is_finite()).collect();
-    if has_area.iter().all(|&keep| keep) {
-        return;
-    }
-    let mut keep = has_area.iter();
-    mesh.triangles.retain(|_| keep.next() == Some(&true));
-    let mut keep = has_area.iter();
-    mesh.material_of.retain(|_| keep.next() == Some(&true));
 }
 
 #[cfg(test)]

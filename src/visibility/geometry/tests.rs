@@ -1,8 +1,7 @@
 use std::sync::Arc;
 
-use super::triangle::Probe;
 use super::*;
-use crate::scene::{AlphaMask, Material, Primitive, Wrap};
+use crate::scene::{AlphaMask, Material, Object, Primitive, Wrap};
 
 /// SplitMix64.
 struct Random(u64);
@@ -40,7 +39,9 @@ fn mesh(corners: &[[DVec3; 3]]) -> Mesh {
         coordinates: corners.iter().flat_map(|_| [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]).collect(),
         triangles: (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
         material_of: vec![0; corners.len()],
-        materials: vec![Material { albedo: [0.5; 3], mask: None }],
+        materials: vec![Material { name: None, albedo: [0.5; 3], mask: None }],
+        object_of: vec![0; corners.len()],
+        objects: vec![Object::default()],
     }
 }
 
@@ -211,6 +212,7 @@ fn a_missing_triangle_is_noticed_by_the_leak_test() {
     let mut mesh = Primitive::Sphere { centre: DVec3::ZERO, radius: 1.0 }.mesh([0.5; 3]).unwrap();
     let removed = mesh.triangles.swap_remove(700);
     mesh.material_of.pop();
+    mesh.object_of.pop();
     let [a, b, c] = corners(&mesh, removed);
     let geometry = Geometry::new(mesh).unwrap();
     let ray = Ray { origin: DVec3::ZERO, direction: (a + b + c).normalize() };
@@ -227,7 +229,7 @@ fn leaf_card() -> Geometry {
         [DVec3::new(-9.0, -9.0, -1.0), DVec3::new(9.0, -9.0, -1.0), DVec3::new(0.0, 9.0, -1.0)],
     ]);
     card.coordinates = card.positions.iter().map(|p| [p.x as f32, p.y as f32]).collect();
-    card.materials.push(Material { albedo: [0.1, 0.9, 0.1], mask: Some(Arc::new(mask)) });
+    card.materials.push(Material { name: None, albedo: [0.1, 0.9, 0.1], mask: Some(Arc::new(mask)) });
     card.material_of = vec![1, 1, 0];
     Geometry::new(card).unwrap()
 }
@@ -266,27 +268,61 @@ fn open_air_and_impossible_rays_hit_nothing() {
 }
 
 #[test]
-fn triangles_without_area_are_dropped_and_equal_ones_are_no_burden() {
+fn triangles_without_area_are_never_hit_and_equal_ones_are_no_burden() {
     let [a, b, c] = [DVec3::ZERO, DVec3::X, DVec3::Y];
     let mut many = vec![[a, b, c]; 50_000];
     many.extend([[a, a, c], [a, b, b.lerp(a, 0.5)], [b, b, b]]);
+    // The first that has an area, whose index stays what it is in the mesh.
+    many.insert(0, [a, a, b]);
     let geometry = Geometry::new(mesh(&many)).unwrap();
-    assert_eq!(geometry.mesh().triangles.len(), 50_000);
-    assert_eq!(geometry.mesh().material_of.len(), 50_000);
     let ray = Ray { origin: DVec3::new(0.2, 0.2, 1.0), direction: DVec3::NEG_Z };
-    assert_eq!(geometry.first_hit(&ray, 2.0).unwrap().distance, 1.0);
+    let hit = geometry.first_hit(&ray, 2.0).unwrap();
+    assert_eq!((hit.distance, hit.triangle), (1.0, 1));
+    let along = Ray { origin: DVec3::new(0.5, -1.0, 0.0), direction: DVec3::Y };
+    for (index, [a, ..]) in many.iter().enumerate().filter(|(index, _)| *index == 0 || *index > 50_000) {
+        let towards = Ray { origin: *a + DVec3::Z, direction: DVec3::NEG_Z };
+        assert!([ray, along, towards].iter().all(|ray| geometry.hit_on(ray, index).is_none()));
+    }
+    assert!(Geometry::new(mesh(&many[50_001..])).unwrap().is_open());
+}
+
+/// Many spheres, so that the hierarchy reorders their triangles.
+#[test]
+fn hits_know_the_object_and_the_material_of_their_triangle() {
+    let mut mesh = Mesh::default();
+    let centre = |index: usize| DVec3::new((index % 7) as f64, (index / 7 % 5) as f64, (index / 35) as f64);
+    let albedo = |index: usize| [index as f32 / 105.0; 3];
+    for index in (0..105).rev() {
+        let sphere = Primitive::Sphere { centre: centre(index), radius: 0.3 };
+        let mut part = sphere.mesh(albedo(index)).unwrap();
+        part.objects[0].name = Some(index.to_string());
+        mesh.append(part, glam::DAffine3::IDENTITY);
+    }
+    let geometry = Geometry::new(mesh).unwrap();
+    let mut random = Random::new();
+    for index in 0..105 {
+        let direction = random.direction();
+        let ray = Ray { origin: centre(index) - 0.45 * direction, direction };
+        let hit = geometry.first_hit(&ray, 0.45).unwrap();
+        let triangle = hit.triangle;
+        assert_same(geometry.hit_on(&ray, triangle), Some(hit.distance), 1e-12, &ray);
+        assert_eq!(geometry.mesh().object(triangle).name, Some(index.to_string()));
+        assert_eq!((geometry.mesh().material(triangle).albedo, hit.albedo), (albedo(index), albedo(index)));
+    }
 }
 
 #[test]
 fn broken_meshes_are_refused() {
     let good = || mesh(&[[DVec3::ZERO, DVec3::X, DVec3::Y]]);
     assert!(Geometry::new(good()).is_ok());
-    let broken: [fn(&mut Mesh); 9] = [
+    let broken: [fn(&mut Mesh); 11] = [
         |m| m.positions[1].y = f64::NAN,
         |m| m.positions[1].y = 1e300,
         |m| m.triangles[0][2] = 3,
         |m| m.material_of[0] = 1,
         |m| m.material_of.clear(),
+        |m| m.object_of[0] = 1,
+        |m| m.object_of.clear(),
         |m| m.coordinates.truncate(2),
         |m| m.materials[0].albedo[1] = f32::NAN,
         |m| {

@@ -1,0 +1,13 @@
+//! What sees what: a hierarchy over the triangles of a scene, the first surfaces on rays, and shadow maps.
+//!
+//! A scene holds triangles as plain data (`scene::Mesh`). Whoever computes with it builds one [`Geometry`] over them and shares
+//! it.
+
+mod build;
+mod geometry;
+mod hierarchy;
+mod shadow_map;
+mod triangle;
+
+pub use geometry::{Geometry, Hit};
+pub use shadow_map::ShadowMap;
