@@ -28,7 +28,8 @@ const LOST: &str = "Error in Device::poll";
 /// Whether a panic is one that waiting for a device catches, because wgpu has no error for a device that is lost meanwhile. A
 /// program that has a panic hook can keep quiet about it.
 pub fn is_caught(panic: &std::panic::PanicHookInfo) -> bool {
-    panic.payload_as_str().is_some_and(|message| message.starts_with(LOST))
+    let message = panic.payload().downcast_ref::<String>();
+    message.is_some_and(|message| message.starts_with(LOST))
 }
 
 /// What a glance at a device shows.
