@@ -13,8 +13,7 @@ use crate::march::{
 };
 use crate::operator::{Bounds, LinearOperator, Metric, Vector};
 use crate::scene::{
-    Basis, Camera, Extent, FovAxis, Grid, Interpolation, Quadrature, Samples, Volume, VoxelGrid,
-    look_at,
+    Basis, Camera, Extent, FovAxis, Grid, Interpolation, Quadrature, Samples, Volume, VoxelGrid, look_at,
 };
 use crate::visibility::ShadowMap;
 use crate::{Error, Result};

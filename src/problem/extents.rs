@@ -3,6 +3,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
+use super::surfaces::lengths;
 use super::surroundings::sky_beams;
 use super::{Constraint, SkyBeam, Surfaces, Traced};
 use crate::scene::{Extent, Grid, LightFrame, MapSettings, Mesh, Ray, Scene};
@@ -59,7 +60,7 @@ pub fn fit(scene: &Scene, light_map: &MapSettings, geometry: &Arc<Geometry>) -> 
         Err(Error::Empty { .. }) => Vec::new(),
         painted => painted?,
     };
-    let lengths = Traced.lengths(scene, geometry, &constraints)?;
+    let lengths = lengths(&Traced.hits(scene, geometry, &constraints)?);
     fit_to(scene, light_map, geometry, &constraints, &lengths, &Traced)
 }
 

@@ -3,6 +3,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::extents::fit_to;
+use super::surfaces::lengths;
 use super::surroundings::Shown;
 use super::transport::LightMapOperator;
 use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints, evenly};
@@ -60,7 +61,8 @@ impl LightMapProblem {
         constraints: Vec<Constraint>,
         surfaces: &dyn Surfaces,
     ) -> Result<Self> {
-        let lengths = surfaces.lengths(scene, geometry, &constraints)?;
+        let hits = surfaces.hits(scene, geometry, &constraints)?;
+        let lengths = lengths(&hits);
         let maps = fit_to(scene, &scene.light_map, geometry, &constraints, &lengths, surfaces)?;
         let rays: Arc<[ViewRay]> = constraints
             .par_iter()
@@ -73,7 +75,7 @@ impl LightMapProblem {
         let traversal = LightMapTraversal::new(transport(scene, &maps, scene.solve.quadrature), rays);
         let start = scene.light.radiance;
         let Rows { traversal, surroundings, white } =
-            match Shown::new(scene, &maps, &constraints, &traversal)? {
+            match Shown::new(scene, &maps, &constraints, &hits, &traversal)? {
                 None => scattered(traversal, start)?,
                 Some(Shown { surroundings, known, white }) => {
                     Rows { traversal: traversal.among(Arc::new(surroundings)), surroundings: known, white }

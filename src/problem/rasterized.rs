@@ -3,7 +3,7 @@ use crate::Result;
 use crate::gpu::{Gpu, surfaces_seen};
 use crate::operator::NOWHERE;
 use crate::scene::{Camera, Grid, LightFrame, Mesh, Ray, Scene};
-use crate::visibility::{Geometry, ShadowMap};
+use crate::visibility::{Geometry, Hit, ShadowMap};
 use glam::DVec2;
 
 /// A depth pass on a graphics adapter.
@@ -38,32 +38,37 @@ impl Surfaces for Rasterized {
             [at.x, -at.y, (far + 0.001 * span - p.z) / span, 1.0]
         });
         let seen = surfaces_seen(&self.0, &clip.collect::<Vec<_>>(), &geometry.mesh().triangles, grid.size)?;
-        ShadowMap::render_by(geometry, frame, grid, |index, ray| distance(geometry, ray, seen[index]))
+        ShadowMap::render_by(geometry, frame, grid, |index, ray| {
+            hit(geometry, ray, seen[index]).map(|hit| hit.distance)
+        })
     }
 
-    fn lengths(&self, scene: &Scene, geometry: &Geometry, constraints: &[Constraint]) -> Result<Vec<f64>> {
+    fn hits(
+        &self,
+        scene: &Scene,
+        geometry: &Geometry,
+        constraints: &[Constraint],
+    ) -> Result<Vec<Option<Hit>>> {
         let mut seen = vec![Vec::new(); scene.views.len()];
         for (view, seen) in seen.iter_mut().enumerate() {
             if constraints.iter().any(|pixel| pixel.view == view) {
                 *seen = self.seen_by(&scene.views[view].camera, geometry.mesh())?;
             }
         }
-        let length = |pixel: &Constraint| {
+        let of_pixel = |pixel: &Constraint| {
             let camera = &scene.views[pixel.view].camera;
             let triangle = seen[pixel.view][pixel.y * camera.size()[0] + pixel.x];
             let ray = camera.pixel_ray(pixel.x, pixel.y);
-            distance(geometry, &ray, triangle).unwrap_or(f64::INFINITY)
+            hit(geometry, &ray, triangle)
         };
-        Ok(constraints.iter().map(length).collect())
+        Ok(constraints.iter().map(of_pixel).collect())
     }
 }
 
 /// Where a ray meets the triangle that it was seen to meet, or what it meets instead.
-fn distance(geometry: &Geometry, ray: &Ray, triangle: u32) -> Option<f64> {
+fn hit(geometry: &Geometry, ray: &Ray, triangle: u32) -> Option<Hit> {
     if triangle == NOWHERE {
         return None;
     }
-    geometry
-        .hit_on(ray, triangle as usize)
-        .or_else(|| geometry.first_hit(ray, f64::INFINITY).map(|hit| hit.distance))
+    geometry.hit_on(ray, triangle as usize).or_else(|| geometry.first_hit(ray, f64::INFINITY))
 }

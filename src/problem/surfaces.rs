@@ -3,15 +3,20 @@ use rayon::prelude::*;
 use super::Constraint;
 use crate::Result;
 use crate::scene::{Grid, LightFrame, Scene};
-use crate::visibility::{Geometry, ShadowMap};
+use crate::visibility::{Geometry, Hit, ShadowMap};
 
 /// What finds the first surfaces behind the texels of a shadow map and behind painted pixels.
 pub trait Surfaces {
     /// The shadow map of a scene's geometry.
     fn shadow_map(&self, geometry: &Geometry, frame: &LightFrame, grid: Grid) -> Result<ShadowMap>;
 
-    /// Distance to the first surface behind each painted pixel in metres; infinite where there is none.
-    fn lengths(&self, scene: &Scene, geometry: &Geometry, constraints: &[Constraint]) -> Result<Vec<f64>>;
+    /// The first surface behind each painted pixel.
+    fn hits(
+        &self,
+        scene: &Scene,
+        geometry: &Geometry,
+        constraints: &[Constraint],
+    ) -> Result<Vec<Option<Hit>>>;
 }
 
 /// Rays through the hierarchy of the geometry: exact, one a texel and pixel.
@@ -23,11 +28,21 @@ impl Surfaces for Traced {
         ShadowMap::render(geometry, frame, grid)
     }
 
-    fn lengths(&self, scene: &Scene, geometry: &Geometry, constraints: &[Constraint]) -> Result<Vec<f64>> {
-        let length = |pixel: &Constraint| {
+    fn hits(
+        &self,
+        scene: &Scene,
+        geometry: &Geometry,
+        constraints: &[Constraint],
+    ) -> Result<Vec<Option<Hit>>> {
+        let hit = |pixel: &Constraint| {
             let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
-            geometry.first_hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |hit| hit.distance)
+            geometry.first_hit(&ray, f64::INFINITY)
         };
-        Ok(constraints.par_iter().map(length).collect())
+        Ok(constraints.par_iter().map(hit).collect())
     }
+}
+
+/// Distances to surfaces in metres; infinite where there is none.
+pub(super) fn lengths(hits: &[Option<Hit>]) -> Vec<f64> {
+    hits.iter().map(|hit| hit.map_or(f64::INFINITY, |hit| hit.distance)).collect()
 }

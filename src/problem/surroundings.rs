@@ -189,16 +189,18 @@ impl Shown {
         scene: &Scene,
         maps: &Maps,
         constraints: &[Constraint],
+        hits: &[Option<Hit>],
         traversal: &LightMapTraversal,
     ) -> Result<Option<Self>> {
         let Some(settings) = &scene.surroundings else { return Ok(None) };
         let start = settings.start(scene.light.radiance);
         let rows: Vec<Row> = constraints
             .par_iter()
+            .zip(hits)
             .enumerate()
-            .map(|(row, pixel)| {
+            .map(|(row, (pixel, &hit))| {
                 let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
-                Row::new(scene, maps, &Seen::along(maps, ray), traversal, row, &start)
+                Row::new(scene, maps, &Seen { ray, hit }, traversal, row, &start)
             })
             .collect();
         let is_seen = |of: std::ops::Range<usize>| {

@@ -96,19 +96,23 @@ impl Geometry {
         let hierarchy = self.hierarchy.as_ref()?;
         let (distance, triangle) =
             hierarchy.first(ray, limit, |index, weights| self.is_there(index, weights))?;
+        Some(self.hit_at(ray, distance, triangle))
+    }
+
+    fn hit_at(&self, ray: &Ray, distance: f64, triangle: usize) -> Hit {
         let normal = normal(&corners(&self.mesh, self.mesh.triangles[triangle]));
         let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
         let albedo = self.mesh.material(triangle).albedo;
-        Some(Hit { distance, normal, albedo, triangle })
+        Hit { distance, normal, albedo, triangle }
     }
 
     /// Where a ray meets one triangle, by its index in the mesh; none where it misses it or passes a hole, and for a
     /// triangle without area.
-    pub fn hit_on(&self, ray: &Ray, triangle: usize) -> Option<f64> {
+    pub fn hit_on(&self, ray: &Ray, triangle: usize) -> Option<Hit> {
         let corners = corners(&self.mesh, *self.mesh.triangles.get(triangle)?);
         let meeting = Probe::new(ray).meet(&corners)?;
         let there = meeting.distance > 0.0 && has_area(&corners) && self.is_there(triangle, &meeting.weights);
-        there.then_some(meeting.distance)
+        there.then(|| self.hit_at(ray, meeting.distance, triangle))
     }
 
     /// Whether anything lies on the ray after its origin and before `limit` metres.

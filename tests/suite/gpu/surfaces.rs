@@ -50,8 +50,12 @@ fn surfaces_are_those_that_rays_meet() {
         assert!(share <= SILHOUETTES, "{name}: {share} of the shadow map");
 
         let pixels = all_pixels(&scene);
-        let lengths = rasterized.lengths(&scene, geometry, &pixels).unwrap();
-        let true_lengths = Traced.lengths(&scene, geometry, &pixels).unwrap();
+        let distances = |surfaces: &dyn Surfaces| -> Vec<f64> {
+            let hits = surfaces.hits(&scene, geometry, &pixels).unwrap();
+            hits.iter().map(|hit| hit.map_or(f64::INFINITY, |hit| hit.distance)).collect()
+        };
+        let lengths = distances(&rasterized);
+        let true_lengths = distances(&Traced);
         let share = differ(&lengths, &true_lengths);
         assert!(share <= SILHOUETTES, "{name}: {share} of the pixels");
 
