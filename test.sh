@@ -35,7 +35,7 @@ cargo fmt --all --check
 
 say "lints"
 cargo clippy --all-targets --locked --release -- -D warnings
-cargo clippy --all-targets --locked --release --no-default-features -- -D warnings
+cargo clippy --all-targets --locked --release --no-default-features --features cli -- -D warnings
 
 say "graphics adapters"
 has_adapter() { cargo run --locked --release --quiet -- doctor | grep -q '  answers   right'; }
@@ -73,7 +73,12 @@ if has_adapter; then
 fi
 
 say "tests without the GPU backend"
-cargo test --locked --release --no-default-features --lib --bins --test suite
+cargo test --locked --release --no-default-features --features cli --lib --bins --test suite
+
+say "the library alone"
+cargo clippy --locked --release --lib --no-default-features -- -D warnings
+cargo tree --locked -e normal --no-default-features --depth 1 --prefix none | tail -n +2 | cut -d' ' -f1 >"$out/crates"
+sed -n '/^```text$/,/^```$/p' docs/library.md | grep -v '^```' | diff - "$out/crates"
 
 say "documentation"
 RUSTDOCFLAGS="-D warnings" cargo doc --locked --release --no-deps --quiet

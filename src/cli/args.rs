@@ -79,8 +79,8 @@ pub(crate) struct BackendArguments {
     /// What to compute on.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) backend: Backend,
-    /// The graphics adapter, by a part of its name; `unscatter doctor` lists them. Software adapters are used only when
-    /// named.
+    /// The graphics adapter, by a part of its name or by its bus; `unscatter doctor` lists them. Software adapters are used
+    /// only when named.
     #[arg(long, value_name = "NAME")]
     pub(crate) adapter: Option<String>,
 }

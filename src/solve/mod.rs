@@ -14,6 +14,8 @@
 //! | [`Cgls`] | no | any | conjugate gradients on the normal equations |
 //! | [`Lsqr`] | no | none | Golub–Kahan bidiagonalization, least ‖b − A x‖ |
 //! | [`Lsmr`] | no | none | the same, least ‖Aᵀ(b − A x)‖ |
+//!
+//! [`gauss_newton`] solves what is not linear by problems that are.
 
 mod bidiagonal;
 mod cgls;
@@ -21,6 +23,7 @@ mod choose;
 mod drive;
 mod fista;
 mod flexible;
+mod gauss_newton;
 mod iterate;
 mod lbfgs;
 mod least_squares;
@@ -35,6 +38,7 @@ pub use choose::{Rule, Term, choose_weight};
 pub use drive::{Beginning, History, Outcome, Progress, drive};
 pub use fista::Fista;
 pub use flexible::FlexibleCgls;
+pub use gauss_newton::{GaussNewton, NonLinear, Taken, gauss_newton};
 pub use lbfgs::Lbfgs;
 pub use least_squares::LeastSquares;
 pub use lsmr::Lsmr;

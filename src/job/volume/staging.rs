@@ -11,13 +11,11 @@ use crate::Result;
 use crate::problem::{Desired, Determined, Model, Optics, VolumeProblem, VolumeState};
 use crate::report::StageRecord;
 use crate::scene::{Find, Image, Rgb, VolumeScene};
-use crate::solve::StopReason;
+use crate::solve::{Control, GaussNewton, NonLinear, StopReason, Taken, gauss_newton};
 use crate::visibility::Geometry;
 
 /// A round that brings the pictures nearer by less than this share of their distance is the last one.
 const LEAST_GAIN: f64 = 1e-3;
-/// How often a step of Gauss–Newton is halved before it counts as leading nowhere.
-const MOST_HALVINGS: i32 = 7;
 
 /// How far the pictures are from what is wanted: view by view, and all together.
 #[derive(Debug, Clone, Default)]
@@ -167,38 +165,11 @@ impl<'a, 's> Course<'a, 's> {
         Ok(())
     }
 
-    /// Takes steps of Gauss–Newton, each as far as the pictures come nearer: whole, or halved again and again.
+    /// Takes steps of Gauss–Newton as long as the pictures come nearer.
     fn refine(&mut self) -> Result<()> {
-        for step in 0..self.scene.extinction.steps {
-            let stage = self.solve(Find::Refinement)?;
-            let before = self.now.all;
-            let is_taken = self.go_along(&stage)?;
-            self.records.push(record(&stage, step, is_taken, [before, self.now.all]));
-            let is_last = stage.is_interrupted() || before - self.now.all <= LEAST_GAIN * before;
-            self.last = Some(stage);
-            if is_last {
-                break;
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes as much of a step as brings the pictures nearer, if any does.
-    fn go_along(&mut self, stage: &Stage) -> Result<bool> {
-        let (from, to) = (&stage.problem.start, &stage.trial.solved.x);
-        for halvings in 0..MOST_HALVINGS {
-            let share = 0.5f32.powi(halvings);
-            let part =
-                |(from, to): (&Rgb, &Rgb)| std::array::from_fn(|c| from[c] + share * (to[c] - from[c]));
-            let x: Vec<Rgb> = from.iter().zip(to).map(part).collect();
-            let state = stage.problem.apply(&self.state, &x)?;
-            let view = self.view(stage.find, &state)?;
-            if view.distance.all < self.now.all {
-                self.put(stage, state, view);
-                return Ok(true);
-            }
-        }
-        Ok(false)
+        let settings =
+            GaussNewton { least_gain: LEAST_GAIN, ..GaussNewton::new(self.scene.extinction.steps) };
+        gauss_newton(&mut Refinement { course: self, looked: None }, &settings)
     }
 
     fn solve(&mut self, find: Find) -> Result<Stage> {
@@ -234,6 +205,49 @@ struct View {
     optics: Optics,
     pictures: Vec<Image>,
     distance: Distance,
+}
+
+/// The extinction behind pictures that do not depend on it linearly.
+struct Refinement<'c, 'a, 's> {
+    course: &'c mut Course<'a, 's>,
+    looked: Option<(VolumeState, View)>,
+}
+
+impl NonLinear for Refinement<'_, '_, '_> {
+    type Step = Stage;
+
+    fn distance(&self) -> f64 {
+        self.course.now.all
+    }
+
+    fn step(&mut self) -> Result<Stage> {
+        self.course.solve(Find::Refinement)
+    }
+
+    fn look(&mut self, stage: &Stage, share: f32) -> Result<f64> {
+        let (from, to) = (&stage.problem.start, &stage.trial.solved.x);
+        let part = |(from, to): (&Rgb, &Rgb)| std::array::from_fn(|c| from[c] + share * (to[c] - from[c]));
+        let x: Vec<Rgb> = from.iter().zip(to).map(part).collect();
+        let state = stage.problem.apply(&self.course.state, &x)?;
+        let view = self.course.view(stage.find, &state)?;
+        let distance = view.distance.all;
+        self.looked = Some((state, view));
+        Ok(distance)
+    }
+
+    fn take(&mut self, stage: &Stage) {
+        if let Some((state, view)) = self.looked.take() {
+            self.course.put(stage, state, view);
+        }
+    }
+
+    fn told(&mut self, stage: Stage, taken: Taken) -> Control {
+        let Taken { number, share, distance } = taken;
+        self.course.records.push(record(&stage, number, share.is_some(), distance));
+        let control = if stage.is_interrupted() { Control::Stop } else { Control::Continue };
+        self.course.last = Some(stage);
+        control
+    }
 }
 
 pub(super) fn distance(desired: &[Desired], pictures: &[Image]) -> Distance {

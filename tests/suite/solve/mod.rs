@@ -2,6 +2,7 @@
 
 mod choice;
 mod fixtures;
+mod gauss_newton;
 mod laws;
 mod limits;
 mod memory;

@@ -1,0 +1,88 @@
+//! Gauss–Newton with steps that are halved until they help.
+//!
+//! Problem       min ‖f(x) − b‖, l ≤ x ≤ u, f not linear.
+//! Equivalences  With f linear one step of [`drive`](super::drive).
+//! Caveats       What is nearest after a step is measured with f itself; a step of which no part comes nearer is not taken, and is the last.
+//!               Ends at a point where no step helps, which need not be the nearest of all.
+//! Convergence   ‖f(x) − b‖ falls with every step that is taken; quadratically near a solution where f(x) = b.
+//! Source        Nocedal and Wright 2006, sec. 10.3; for extinction Klehm 2015, sec. 7.4.
+//!
+//! It knows nothing of operators: the linear problem of each step is solved by whoever states the nonlinear one.
+
+use super::Control;
+use crate::Result;
+
+/// When to stop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GaussNewton {
+    /// Steps at most.
+    pub steps: usize,
+    /// A step that brings f nearer by less than this part of its distance is the last.
+    pub least_gain: f64,
+    /// How much of a step is tried: all, a half, and so on, so many times.
+    pub tries: i32,
+}
+
+impl GaussNewton {
+    /// So many steps at most.
+    pub fn new(steps: usize) -> Self {
+        Self { steps, least_gain: 1e-3, tries: 7 }
+    }
+}
+
+/// A problem that is solved by linear ones.
+pub trait NonLinear {
+    /// Where the linear problem leads from where this stands, and all that there is to tell of it.
+    type Step;
+
+    /// ‖f(x) − b‖ where it stands.
+    fn distance(&self) -> f64;
+
+    /// Solves the problem that is linear where it stands.
+    fn step(&mut self) -> Result<Self::Step>;
+
+    /// The distance after a share of a step.
+    fn look(&mut self, step: &Self::Step, share: f32) -> Result<f64>;
+
+    /// Stands where it has looked last.
+    fn take(&mut self, step: &Self::Step);
+
+    /// Hears of every step, taken or not, and may stop.
+    fn told(&mut self, step: Self::Step, taken: Taken) -> Control;
+}
+
+/// What became of a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Taken {
+    /// Which step, from 0.
+    pub number: usize,
+    /// How much of it was taken, if any was.
+    pub share: Option<f32>,
+    /// The distances before and after.
+    pub distance: [f64; 2],
+}
+
+/// Takes steps until one of them does not help enough, or somebody stops it.
+///
+/// Errors: those of the problem's steps and looks.
+pub fn gauss_newton<N: NonLinear>(problem: &mut N, settings: &GaussNewton) -> Result<()> {
+    for number in 0..settings.steps {
+        let step = problem.step()?;
+        let before = problem.distance();
+        let mut share = None;
+        for halvings in 0..settings.tries {
+            let part = 0.5f32.powi(halvings);
+            if problem.look(&step, part)? < before {
+                problem.take(&step);
+                share = Some(part);
+                break;
+            }
+        }
+        let after = problem.distance();
+        let control = problem.told(step, Taken { number, share, distance: [before, after] });
+        if control == Control::Stop || before - after <= settings.least_gain * before {
+            break;
+        }
+    }
+    Ok(())
+}
