@@ -7,6 +7,7 @@ use std::time::Instant;
 use super::engine::Engine;
 use super::folder::Folder;
 use super::light_map::{self, FoundLightMap};
+use super::machine::peak_memory;
 use super::observer::{Observer, Quiet};
 use super::steps::{Steps, Timings};
 use super::volume::{self, FoundAnimation, FoundVolume};
@@ -71,7 +72,7 @@ impl Solution {
             }
         };
         let timings = steps.finish();
-        let report = found.report(0, &timings)?;
+        let report = found.report(&timings)?;
         Ok(Self { found, options: options.clone(), folder, report, timings })
     }
 
@@ -179,10 +180,13 @@ impl Solution {
         steps.begin("writing", None);
         let (in_page, drawn) = self.found.write(&self.options, folder, &mut steps)?;
         let is_interrupted = self.is_interrupted() || steps.stops();
-        let mut timings = steps.finish();
         let total = self.total() + clock.elapsed().as_secs_f64();
-        timings.push(("total".to_owned(), total));
-        let report = self.found.report(drawn, &timings)?;
+        let timings = steps.finish().into_iter().chain([("total".to_owned(), total)]);
+        let mut report = Report { timings: timings.collect(), ..self.report.clone() };
+        report.memory.extend(peak_memory().map(|peak| ("peak".to_owned(), peak)));
+        if let Some(animation) = &mut report.animation {
+            animation.drawn = drawn as u64;
+        }
         folder.write_bytes("report.json", report.to_json()?.as_bytes())?;
         folder.write_bytes("report.html", report::html(&report, &in_page)?.as_bytes())?;
         folder.publish()?;
@@ -196,11 +200,11 @@ impl Solution {
 }
 
 impl Found {
-    fn report(&self, drawn: usize, timings: &Timings) -> Result<Report> {
+    fn report(&self, timings: &Timings) -> Result<Report> {
         match self {
             Self::LightMap(scene, found) => Ok(found.report(scene, timings)),
             Self::Volume(scene, found) => Ok(found.report(scene, timings)),
-            Self::Animation(found) => found.report(drawn, timings),
+            Self::Animation(found) => found.report(timings),
         }
     }
 

@@ -211,6 +211,14 @@ fn views(report: &Report, pictures: &Pictures) -> Result<String> {
         let matched = report.matched.iter().find(|matched| matched.view == view.name);
         sections.push_str(&one_view(index, view, matched, &Nouns::of(report))?);
     }
+    if pictures.views.is_empty() {
+        // No pictures were asked for, and their numbers are there.
+        let numbers = |matched: &ViewMatch| {
+            let facts = facts(matched, &Nouns::of(report));
+            format!("<article class=\"view\">\n<h3>{}</h3>\n{facts}</article>\n", escaped(&matched.view))
+        };
+        sections.extend(report.matched.iter().map(numbers));
+    }
     if sections.is_empty() {
         return Ok(sections);
     }

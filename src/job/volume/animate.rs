@@ -78,8 +78,8 @@ impl FoundAnimation {
         Ok((in_page, drawn))
     }
 
-    pub(in crate::job) fn report(&self, drawn: usize, timings: &Timings) -> Result<Report> {
-        report(&self.animated, &self.keys, drawn, timings)
+    pub(in crate::job) fn report(&self, timings: &Timings) -> Result<Report> {
+        report(&self.animated, &self.keys, timings)
     }
 }
 
@@ -294,7 +294,7 @@ impl Film<'_> {
 }
 
 /// The report of all keys: the numbers of the last one, with what can be said of all together.
-fn report(animated: &AnimatedVolume, keys: &[SolvedKey], drawn: usize, timings: &Timings) -> Result<Report> {
+fn report(animated: &AnimatedVolume, keys: &[SolvedKey], timings: &Timings) -> Result<Report> {
     let (mut stages, mut views, mut records) = (Vec::new(), Vec::new(), Vec::new());
     let (mut sums, mut adjoint_error) = ([[0.0; 2]; 2], 0.0f64);
     for key in keys {
@@ -330,7 +330,8 @@ fn report(animated: &AnimatedVolume, keys: &[SolvedKey], drawn: usize, timings: 
         timings: timings.iter().cloned().collect(),
         animation: Some(AnimationRecord {
             frames: animated.animation.frames as u64,
-            drawn: drawn as u64,
+            // None yet: frames are drawn when they are written.
+            drawn: 0,
             between: animated.between.to_owned(),
             keys: records,
         }),
