@@ -18,12 +18,12 @@ use std::cell::LazyCell;
 use rates::{Rates, Work, by_the_clock};
 use scenes::field::Field;
 use scenes::volume::{Cloud, problem};
-use unscatter::cpu::{Storage, Transport, WalkPlan};
+use unscatter::cpu::{Transport, WalkPlan};
 use unscatter::march::LightMapTraversal;
-use unscatter::operator::{Blocks, CpuVector, Identity, LinearOperator, Stacked, Vector, adjoint_test};
-use unscatter::problem::{
-    LightMapProblem, TransportOperator, VolumeOperator, VolumeProblem, minimize, solve,
+use unscatter::operator::{
+    Blocks, CpuVector, Identity, LinearOperator, Stacked, Storage, TransportOperator, Vector, adjoint_test,
 };
+use unscatter::problem::{LightMapProblem, VolumeOperator, VolumeProblem, minimize, solve};
 use unscatter::scene::{Basis, Find, Interpolation, Quadrature, SolveSettings, Strategy};
 use unscatter::solve::{Beginning, Cgls, Control, LeastSquares, Limits, drive};
 

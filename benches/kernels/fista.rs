@@ -7,11 +7,11 @@ use std::ops::Deref;
 use std::time::{Duration, Instant};
 
 use unscatter::Result;
-use unscatter::cpu::{self, Storage, TileMetric, Tiling, WalkPlan};
+use unscatter::cpu::{self, TileMetric, WalkPlan};
 use unscatter::gpu::{self, Gpu, GpuVector, Transport, Walked};
 use unscatter::march::LightMapTraversal;
-use unscatter::operator::{CpuVector, LinearOperator, Metric, Vector};
-use unscatter::problem::{Formulation, Lattice, Start, System, SystemOperator, TransportOperator};
+use unscatter::operator::{CpuVector, LinearOperator, Metric, Storage, Tiling, TransportOperator, Vector};
+use unscatter::problem::{Formulation, Lattice, Start, System, SystemOperator};
 use unscatter::scene::{SolveSettings, Strategy};
 use unscatter::solve::{Beginning, Control, Fista, Limits, drive};
 

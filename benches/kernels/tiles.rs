@@ -2,9 +2,9 @@
 
 use std::cell::LazyCell;
 
-use unscatter::cpu::{TileMetric, Tiling, Transport, WalkPlan};
+use unscatter::cpu::{TileMetric, Transport, WalkPlan};
 use unscatter::gpu::{self, Gpu, GpuVector, surfaces_seen};
-use unscatter::operator::{Bounds, LinearOperator, Metric, Vector};
+use unscatter::operator::{Bounds, LinearOperator, Metric, Tiling, Vector};
 use unscatter::scene::Strategy;
 
 use crate::rates::{Rates, Work, by_the_clock};

@@ -1,8 +1,10 @@
 //! Random sparse problems with rows that contradict each other: more rows than unknowns, fewer, and of low rank.
 
-use unscatter::cpu::{TileMetric, Tiling, Transport, WalkPlan};
+use unscatter::cpu::{TileMetric, Transport, WalkPlan};
 use unscatter::march::{Traversal, Weight};
-use unscatter::operator::{Blocks, Bounds, CpuVector, Identity, LinearOperator, Scaling, Stacked, Vector};
+use unscatter::operator::{
+    Blocks, Bounds, CpuVector, Identity, LinearOperator, Scaling, Stacked, Tiling, Vector,
+};
 use unscatter::problem::{measure, method};
 use unscatter::scene::{MetricName, SolverName, Strategy};
 use unscatter::solve::LeastSquares;

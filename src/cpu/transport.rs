@@ -5,9 +5,8 @@ use rayon::prelude::*;
 
 use super::bands::Bands;
 use super::rows::{CHUNK, Chunk, Padded, padded};
-use super::tiles::Rows;
 use crate::march::{Real, Traversal, Weight, channel};
-use crate::operator::{CpuVector, LinearOperator, expect_len};
+use crate::operator::{CpuVector, LinearOperator, MatrixRows, Storage, expect_len};
 use crate::scene::Strategy;
 use crate::{Error, Result};
 
@@ -62,21 +61,6 @@ impl WalkPlan {
         let bytes = nonzeros * (size_of::<u16>() + size_of::<[F; C]>()) as f64 + 8.0 * runs + starts as f64;
         Self { bands, nonzeros: nonzeros as u64, bytes: bytes as u64 }
     }
-}
-
-/// How much of an operator is kept and how much is walked again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Storage {
-    /// Rows whose non-zeros are kept.
-    pub kept_rows: usize,
-    /// Rows that are walked in every application.
-    pub walked_rows: usize,
-    /// Non-zeros of the kept rows; not those of rows that are walked.
-    pub kept_nonzeros: u64,
-    /// Bytes that the kept rows take.
-    pub bytes: u64,
-    /// Whether the rows are those of one factor of T: what light volumes scatter.
-    pub of_light_volumes: bool,
 }
 
 /// `T` of a traversal as an operator: kept where memory allows, walked again where not.
@@ -251,7 +235,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     }
 }
 
-impl<T: Traversal<f64, C>, F: Real, const C: usize> Rows<F, C> for Transport<T, F, C> {
+impl<T: Traversal<f64, C>, F: Real, const C: usize> MatrixRows<F, C> for Transport<T, F, C> {
     fn rows(&self) -> usize {
         self.traversal.rows()
     }

@@ -6,12 +6,12 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec2, DVec3};
 
 use super::adapter::{AdapterRecord, Choice};
-use super::{Gpu, GpuVector, Kept, RowTable, TileMetric, Walked};
+use super::{Gpu, GpuVector, Kept, TileMetric, Walked};
 use crate::march::{
     Density, LightMapTransport, LightMapTraversal, Part, PixelRays, Quantity, Traversal, ViewRay,
     VolumeTransport, VolumeTraversal,
 };
-use crate::operator::{Bounds, LinearOperator, Metric, Vector};
+use crate::operator::{Bounds, LinearOperator, Metric, RowTable, Vector};
 use crate::scene::{
     Basis, Camera, Extent, FovAxis, Grid, Interpolation, Quadrature, Samples, Volume, VoxelGrid, look_at,
 };

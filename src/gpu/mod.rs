@@ -35,7 +35,7 @@ pub use kernel::{KernelText, kernel_texts};
 pub use known_answers::known_answers;
 pub use memory::Reserve;
 pub use patience::is_caught;
-pub use rows::{Kept, RowTable};
+pub use rows::Kept;
 pub use sums::DeviceSum;
 pub use surfaces::surfaces_seen;
 pub use tiles::TileMetric;

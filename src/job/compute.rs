@@ -5,11 +5,8 @@ use std::time::{Duration, Instant};
 use super::checkpoint::Keeper;
 use super::observer::Wish;
 use super::steps::Steps;
-use crate::cpu::Storage;
-use crate::operator::{CpuVector, adjoint_test};
-use crate::problem::{
-    Assessment, Assessor, LightMapProblem, Paused, Snapshot, Solved, TransportOperator, solve,
-};
+use crate::operator::{CpuVector, Storage, TransportOperator, adjoint_test};
+use crate::problem::{Assessment, Assessor, LightMapProblem, Paused, Snapshot, Solved, solve};
 use crate::report::Work;
 use crate::scene::{Rgb, Scene, SolveSettings};
 use crate::solve::{Control, History};

@@ -11,14 +11,12 @@ use crate::job::{
     Engine, EngineChoice, Job, Observer, Scenes, Step, Steps, Stop, geometry_of, painted, problems,
 };
 use crate::march::Traversal;
-use crate::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
+use crate::operator::{CpuVector, LinearOperator, TransportOperator, Vector, adjoint_test};
 #[cfg(feature = "gpu")]
 use crate::problem::VolumeRows;
 #[cfg(feature = "gpu")]
 use crate::problem::{GpuLightMapOperator, GpuOperator};
-use crate::problem::{
-    LightMapOperator, LightMapProblem, Traced, TransportOperator, VolumeOperator, VolumeProblem,
-};
+use crate::problem::{LightMapOperator, LightMapProblem, Traced, VolumeOperator, VolumeProblem};
 use crate::scene::{Rgb, Strategy};
 use crate::sparse::ExplicitMatrix;
 use crate::visibility::Geometry;

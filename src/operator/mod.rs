@@ -11,8 +11,11 @@ mod metric;
 mod neighbours;
 mod product;
 mod restricted;
+mod row_table;
 mod scaled;
 mod stacked;
+mod tiling;
+mod transport;
 mod weighted;
 
 pub use added::Added;
@@ -23,8 +26,12 @@ pub use metric::{Metric, Scaling};
 pub use neighbours::{Gradient, Laplacian, Neighbours};
 pub use product::Product;
 pub use restricted::Restricted;
+pub use row_table::{MatrixRows, RowTable};
 pub use scaled::{Identity, Scaled};
 pub use stacked::{BlockSum, Blocks, Stacked};
+pub use tiling::Tiling;
+pub use transport::{Storage, TransportOperator};
+pub(crate) use transport::{brought, fetched};
 pub use weighted::Weighted;
 
 use std::sync::Arc;

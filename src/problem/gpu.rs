@@ -1,12 +1,14 @@
 use rayon::prelude::*;
 
-use super::transport::{brought, fetched};
 use super::volume::{LightColumns, LitRows, VolumeRows};
-use super::{HostOperator, LightMapProblem, TransportOperator, VolumeProblem};
-use crate::cpu::{self, Storage, TileMetric, Tiling, WalkPlan};
-use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, RowTable, Transport, Walked};
+use super::{LightMapProblem, VolumeProblem};
+use crate::cpu::{HostOperator, TileMetric, WalkPlan};
+use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, Transport, Walked};
 use crate::march::{LightMapTraversal, Traversal, VolumeTraversal, Weight};
-use crate::operator::{Added, CpuVector, LinearOperator, Metric, Product};
+use crate::operator::{
+    Added, CpuVector, LinearOperator, MatrixRows, Metric, Product, RowTable, Storage, Tiling,
+    TransportOperator, brought, fetched,
+};
 use crate::scene::Strategy;
 use crate::{Error, Result};
 
@@ -146,7 +148,7 @@ fn nonzeros(product: &Product<Kept, Kept, Kept>) -> u64 {
 /// A traversal's rows in f32.
 struct Walk<'a, T, const C: usize>(&'a T);
 
-impl<T: Traversal<f64, C>, const C: usize> cpu::Rows<f32, C> for Walk<'_, T, C> {
+impl<T: Traversal<f64, C>, const C: usize> MatrixRows<f32, C> for Walk<'_, T, C> {
     fn rows(&self) -> usize {
         self.0.rows()
     }
@@ -267,7 +269,7 @@ const VECTORS: u64 = 16;
 /// Rows that one task reads.
 const ROWS_AT_ONCE: usize = 1024;
 
-fn table<const C: usize>(rows: &impl cpu::Rows<f32, C>) -> RowTable {
+fn table<const C: usize>(rows: &impl MatrixRows<f32, C>) -> RowTable {
     let starts: Vec<usize> = (0..rows.rows()).step_by(ROWS_AT_ONCE).collect();
     let part = |start: usize| {
         let mut part = RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); C] };

@@ -5,14 +5,16 @@ use rayon::prelude::*;
 use super::extents::fit_to;
 use super::surfaces::lengths;
 use super::surroundings::Shown;
-use super::transport::LightMapOperator;
 use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints, evenly};
-use crate::cpu::WalkPlan;
+use crate::cpu::{HostOperator, WalkPlan};
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::{Bounds, CpuVector};
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
 use crate::visibility::Geometry;
 use crate::{Error, Result};
+
+/// `T` of a light-map problem on the CPU in f32.
+pub type LightMapOperator = HostOperator<LightMapTraversal>;
 
 /// The painted pixels of a scene as rows, and what they should become.
 ///

@@ -18,7 +18,6 @@ mod solution;
 mod surfaces;
 mod surroundings;
 mod system;
-mod transport;
 mod volume;
 
 pub use assess::{Assessment, Assessor, Match};
@@ -31,7 +30,7 @@ pub use formulation::{Formulation, Lattice, Start, Steering};
 pub use gpu::{GpuLightMapOperator, GpuOperator};
 use light_map::luminance;
 
-pub use light_map::LightMapProblem;
+pub use light_map::{LightMapOperator, LightMapProblem};
 pub use painting::paint;
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;
@@ -42,7 +41,6 @@ pub use solution::{
 pub use surfaces::{Surfaces, Traced};
 pub use surroundings::SkyBeam;
 pub use system::{System, Weights};
-pub use transport::{HostOperator, LightMapOperator, TransportOperator};
 pub use volume::{
     AllVoxels, Desired, Determined, LeftOut, LightColumns, LitRows, Model, Occupied, Optics, SeenLights,
     Spread, Spreading, VolumeOperator, VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,

@@ -7,10 +7,8 @@ use super::super::engine::{Engine, On};
 use super::super::folder::Folder;
 use super::super::steps::Steps;
 use super::memory;
-use crate::operator::Vector;
-use crate::problem::{
-    Desired, Optics, Paused, TransportOperator, VolumeProblem, VolumeRenderer, VolumeState, minimize,
-};
+use crate::operator::{TransportOperator, Vector};
+use crate::problem::{Desired, Optics, Paused, VolumeProblem, VolumeRenderer, VolumeState, minimize};
 use crate::report::Work;
 use crate::scene::{Find, Rgb, SolveSettings, VolumeScene};
 use crate::{Error, Result};

@@ -10,10 +10,10 @@ use super::subject::Problem;
 #[cfg(feature = "gpu")]
 use crate::gpu::Gpu;
 use crate::job::{Stop, peak_memory};
-use crate::operator::{Vector, adjoint_test};
+use crate::operator::{TransportOperator, Vector, adjoint_test};
+use crate::problem::minimize;
 #[cfg(feature = "gpu")]
 use crate::problem::{GpuLightMapOperator, GpuOperator};
-use crate::problem::{TransportOperator, minimize};
 use crate::report::bench::{Measured, Record};
 use crate::scene::{Quadrature, SolveSettings, SolverName};
 use crate::{Error, Result};

@@ -5,14 +5,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::cases::Between;
-use crate::cpu::WalkPlan;
+use crate::cpu::{HostOperator, WalkPlan};
 use crate::io::scene_file;
 use crate::job::{Job, Quiet, SHADOW_TEXEL, Steps, Stop, problems};
 use crate::march::{LightMapTraversal, Traversal, VolumeTransport, VolumeTraversal};
 use crate::operator::CpuVector;
-use crate::problem::{
-    Formulation, HostOperator, LightMapProblem, Traced, VolumeProblem, VolumeRows, constraints, evenly,
-};
+use crate::problem::{Formulation, LightMapProblem, Traced, VolumeProblem, VolumeRows, constraints, evenly};
 use crate::scene::{
     Basis, Find, Interpolation, Quadrature, Rgb, Scene, SolveSettings, Strategy, VolumeScene, Weight,
 };

@@ -6,8 +6,8 @@ use super::rows::{FAULT, worse};
 use super::solved::AGAINST_EXPLICIT;
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::operator::{CpuVector, LinearOperator, adjoint_test};
-use crate::problem::{GpuLightMapOperator, LightMapProblem, TransportOperator};
+use crate::operator::{CpuVector, LinearOperator, TransportOperator, adjoint_test};
+use crate::problem::{GpuLightMapOperator, LightMapProblem};
 use crate::scene::{Rgb, Strategy};
 use crate::sparse::ExplicitMatrix;
 

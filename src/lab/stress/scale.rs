@@ -11,9 +11,10 @@ use super::rows::{
     volume_rows,
 };
 use super::solved::{Question, certificate};
-use crate::cpu::WalkPlan;
+use crate::cpu::{HostOperator, WalkPlan};
 use crate::march::{InScattering, LitVolume, Quantity, VolumeTraversal};
-use crate::problem::{HostOperator, TransportOperator, solve};
+use crate::operator::TransportOperator;
+use crate::problem::solve;
 use crate::scene::{Interpolation, Rgb, Strategy, Volume};
 use crate::solve::Control;
 use crate::{Error, Result};

@@ -3,9 +3,9 @@
 use super::case::{Samples, Setting};
 use super::rows::{Numbers, Walked, worse};
 use crate::Result;
-use crate::cpu::WalkPlan;
-use crate::operator::{CpuVector, LinearOperator, Vector};
-use crate::problem::{Formulation, HostOperator, Lattice, Solved, Start, TransportOperator, minimize};
+use crate::cpu::{HostOperator, WalkPlan};
+use crate::operator::{CpuVector, LinearOperator, TransportOperator, Vector};
+use crate::problem::{Formulation, Lattice, Solved, Start, minimize};
 use crate::scene::{Regularization, Rgb, SolveSettings, SolverName, Strategy, Weight};
 use crate::solve::{Control, StopReason};
 use crate::sparse::ExplicitMatrix;

@@ -3,11 +3,9 @@ use std::sync::Arc;
 use super::VolumeRows;
 use super::environment::{LightColumns, LitRows, SeenLights};
 use crate::Result;
-use crate::cpu::{Storage, Tiling, WalkPlan};
+use crate::cpu::{HostOperator, WalkPlan};
 use crate::march::{Traversal, VolumeTraversal};
-use crate::operator::{CpuVector, LinearOperator, Metric, Product};
-use crate::problem::TransportOperator;
-use crate::problem::transport::HostOperator;
+use crate::operator::{CpuVector, LinearOperator, Metric, Product, Storage, Tiling, TransportOperator};
 use crate::scene::Strategy;
 
 /// `T` of a volume problem on the CPU in f32: its rows, kept or walked; or, of lights, light volumes that are walked.

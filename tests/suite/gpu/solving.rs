@@ -1,11 +1,13 @@
 //! The same solvers on the device: the metric of tiles against its twin, and whole problems against the processor.
 
 use unscatter::Error;
-use unscatter::cpu::{Rows, TileMetric, Tiling};
+use unscatter::cpu::TileMetric;
 use unscatter::gpu::{self, Choice, Fault, Gpu, GpuVector, adapters, known_answers};
 use unscatter::io::scene_file;
-use unscatter::operator::{Bounds, CpuVector, Indexed, Metric, Vector};
-use unscatter::problem::{Assessor, GpuLightMapOperator, LightMapProblem, Solved, TransportOperator, solve};
+use unscatter::operator::{
+    Bounds, CpuVector, Indexed, MatrixRows, Metric, Tiling, TransportOperator, Vector,
+};
+use unscatter::problem::{Assessor, GpuLightMapOperator, LightMapProblem, Solved, solve};
 use unscatter::scene::{MetricName, Rgb, Scene, SolverName, Strategy, Weight};
 use unscatter::solve::Control;
 
@@ -32,7 +34,7 @@ impl<const C: usize> Random<C> {
     }
 }
 
-impl<const C: usize> Rows<f32, C> for Random<C> {
+impl<const C: usize> MatrixRows<f32, C> for Random<C> {
     fn rows(&self) -> usize {
         self.0.len()
     }

@@ -2,9 +2,9 @@
 
 use proptest::prelude::*;
 use unscatter::cpu::{Transport as CpuTransport, WalkPlan};
-use unscatter::gpu::{Accumulation, Choice, Gpu, GpuVector, Kept, RowTable, Walked};
+use unscatter::gpu::{Accumulation, Choice, Gpu, GpuVector, Kept, Walked};
 use unscatter::march::{LightMapTraversal, Traversal};
-use unscatter::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
+use unscatter::operator::{CpuVector, LinearOperator, RowTable, Vector, adjoint_test};
 use unscatter::scene::{Basis, Quadrature, Strategy as Storage};
 use unscatter::sparse::ExplicitMatrix;
 

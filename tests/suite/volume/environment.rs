@@ -1,8 +1,8 @@
 //! Light from everywhere as what is looked for.
 
 use unscatter::Error;
-use unscatter::operator::{CpuVector, LinearOperator, adjoint_test};
-use unscatter::problem::{TransportOperator, VolumeProblem, VolumeState};
+use unscatter::operator::{CpuVector, LinearOperator, TransportOperator, adjoint_test};
+use unscatter::problem::{VolumeProblem, VolumeState};
 use unscatter::scene::{
     DirectionalLight, Environment, Find, LightBasis, Mesh, Over, Primitive, Rgb, Strategy, VolumeMedium,
     VolumeScene, look_at,
