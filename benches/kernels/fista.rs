@@ -7,10 +7,12 @@ use std::ops::Deref;
 use std::time::{Duration, Instant};
 
 use unscatter::Result;
-use unscatter::cpu::{self, TileMetric, WalkPlan};
+use unscatter::cpu::{self, TileMetric};
 use unscatter::gpu::{self, Gpu, GpuVector, Transport, Walked};
 use unscatter::march::LightMapTraversal;
-use unscatter::operator::{CpuVector, LinearOperator, Metric, Storage, Tiling, TransportOperator, Vector};
+use unscatter::operator::{
+    CpuVector, LinearOperator, Metric, Storage, Tiling, TransportOperator, Vector, WalkPlan,
+};
 use unscatter::problem::{Formulation, Lattice, Start, System, SystemOperator};
 use unscatter::scene::{SolveSettings, Strategy};
 use unscatter::solve::{Beginning, Control, Fista, Limits, drive};
@@ -48,7 +50,7 @@ struct Rows {
 impl Rows {
     fn new(gpu: &Gpu, field: &Field, on_adapter: impl FnOnce(&LightMapTraversal) -> Transport) -> Self {
         let traversal = field.traversal();
-        let plan = WalkPlan::new::<f32, 1>(&traversal);
+        let plan = WalkPlan::new::<1>(&traversal);
         Self {
             gpu: gpu.clone(),
             transport: on_adapter(&traversal),

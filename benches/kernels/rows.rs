@@ -6,10 +6,9 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use unscatter::Result;
-use unscatter::cpu::WalkPlan;
 use unscatter::gpu::{Gpu, GpuVector, Kept, Transport, Walked};
 use unscatter::march::{LightMapTraversal, Traversal, ViewRay};
-use unscatter::operator::{Blocks, Identity, LinearOperator, Stacked, Vector};
+use unscatter::operator::{Blocks, Identity, LinearOperator, Stacked, Vector, WalkPlan};
 use unscatter::problem::VolumeRows;
 use unscatter::scene::{Find, Interpolation};
 use unscatter::solve::{Beginning, Cgls, Control, LeastSquares, Limits, drive};
@@ -78,7 +77,7 @@ pub fn volumes(rates: &mut Rates, gpu: &Gpu, shrunk: usize) {
 }
 
 fn foreseen(traversal: &impl Traversal<f64, 1>) -> u64 {
-    WalkPlan::new::<f32, 1>(traversal).nonzeros
+    WalkPlan::new::<1>(traversal).nonzeros
 }
 
 pub fn kept<T: Traversal<f64, 1> + Clone>(gpu: &Gpu, traversal: &T) -> Kept {

@@ -1,8 +1,8 @@
-use super::{TileMetric, Transport, WalkPlan};
+use super::{TileMetric, Transport};
 use crate::Result;
 use crate::march::{Real, Traversal};
 use crate::operator::{
-    CpuVector, LinearOperator, Metric, Storage, Tiling, TransportOperator, Vector, brought, fetched,
+    CpuVector, LinearOperator, Metric, Storage, Tiling, TransportOperator, Vector, WalkPlan, brought, fetched,
 };
 use crate::scene::Strategy;
 

@@ -17,4 +17,4 @@ pub use host::HostOperator;
 pub use lighting::{Beam, light_columns, light_volume, near_medium};
 pub use tiles::TileMetric;
 pub(crate) use transport::gather;
-pub use transport::{Transport, WalkPlan};
+pub use transport::{Transport, kept_bytes};

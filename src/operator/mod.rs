@@ -16,6 +16,7 @@ mod scaled;
 mod stacked;
 mod tiling;
 mod transport;
+mod walk_plan;
 mod weighted;
 
 pub use added::Added;
@@ -32,6 +33,7 @@ pub use stacked::{BlockSum, Blocks, Stacked};
 pub use tiling::Tiling;
 pub use transport::{Storage, TransportOperator};
 pub(crate) use transport::{brought, fetched};
+pub use walk_plan::WalkPlan;
 pub use weighted::Weighted;
 
 use std::sync::Arc;

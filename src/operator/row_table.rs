@@ -31,7 +31,7 @@ impl RowTable {
     }
 
     /// Adds some non-zeros of another table as a row.
-    pub(crate) fn append(&mut self, other: &Self, range: Range<usize>) {
+    pub fn append(&mut self, other: &Self, range: Range<usize>) {
         self.elements.extend_from_slice(&other.elements[range.clone()]);
         for (mine, theirs) in self.weights.iter_mut().zip(&other.weights) {
             mine.extend_from_slice(&theirs[range.clone()]);

@@ -2,12 +2,12 @@ use rayon::prelude::*;
 
 use super::volume::{LightColumns, LitRows, VolumeRows};
 use super::{LightMapProblem, VolumeProblem};
-use crate::cpu::{HostOperator, TileMetric, WalkPlan};
+use crate::cpu::{HostOperator, TileMetric};
 use crate::gpu::{self, Accumulation, Gpu, GpuVector, Kept, Transport, Walked};
 use crate::march::{LightMapTraversal, Traversal, VolumeTraversal, Weight};
 use crate::operator::{
     Added, CpuVector, LinearOperator, MatrixRows, Metric, Product, RowTable, Storage, Tiling,
-    TransportOperator, brought, fetched,
+    TransportOperator, WalkPlan, brought, fetched,
 };
 use crate::scene::Strategy;
 use crate::{Error, Result};
@@ -102,7 +102,7 @@ impl GpuOperator<VolumeRows> {
                 }
                 VolumeRows::Linearized(_) => Err(Error::TooLarge {
                     what: "the rows of a refinement, which an adapter only keeps".to_owned(),
-                    needed: format!("{} bytes", problem.plan.bytes),
+                    needed: format!("{} bytes", problem.kept_bytes()),
                     limit: format!("{budget} bytes"),
                     remedy: "raise --memory, lower the views' sizes or volume.size, or use --backend cpu",
                 }),
@@ -122,7 +122,7 @@ fn light_volumes(gpu: &Gpu, rows: &LitRows, is_grey: bool, budget: u64) -> Resul
         LightColumns::Colored(columns) => table(columns),
     };
     let kept = |rows: &VolumeTraversal| {
-        let plan = if is_grey { WalkPlan::new::<f32, 1>(rows) } else { WalkPlan::new::<f32, 3>(rows) };
+        let plan = WalkPlan::of(rows, is_grey);
         let bytes = Kept::bytes(plan.nonzeros, rows.rays().len(), voxels, if is_grey { 1 } else { 3 });
         if 2 * bytes > budget {
             return Err(Error::TooLarge {

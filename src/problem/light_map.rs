@@ -6,9 +6,9 @@ use super::extents::fit_to;
 use super::surfaces::lengths;
 use super::surroundings::Shown;
 use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints, evenly};
-use crate::cpu::{HostOperator, WalkPlan};
+use crate::cpu::{HostOperator, kept_bytes};
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use crate::operator::{Bounds, CpuVector};
+use crate::operator::{Bounds, CpuVector, WalkPlan};
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
 use crate::visibility::Geometry;
 use crate::{Error, Result};
@@ -87,7 +87,7 @@ impl LightMapProblem {
         let targets =
             rows.map(|((pixel, white), around)| target(scene.target, pixel, white, around)).collect();
         let grey = scene.medium.is_grey() && traversal.surroundings().is_none_or(|shown| shown.is_grey());
-        let plan = plan(&traversal, grey);
+        let plan = WalkPlan::of(&traversal, grey);
         let further_start = scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(start));
         Ok(Self {
             constraints,
@@ -199,10 +199,15 @@ impl LightMapProblem {
             rule: self.rule,
             start: self.start,
             further_start: self.further_start.clone(),
-            plan: plan(&traversal, self.grey),
+            plan: WalkPlan::of(&traversal, self.grey),
             grey: self.grey,
             traversal,
         }
+    }
+
+    /// Bytes that keeping all rows takes on the processor, foreseen.
+    pub fn kept_bytes(&self) -> u64 {
+        kept_bytes::<f32>(&self.plan, if self.grey { 1 } else { 3 })
     }
 
     /// Whether one weight serves all channels.
@@ -289,10 +294,6 @@ fn scattered(traversal: LightMapTraversal, start: Rgb) -> Result<Rows> {
 /// Whether more than rounding is left of a row's lit weight without what comes from beside the map.
 fn passes_the_map([lit, outside]: &[[f64; 3]; 2]) -> bool {
     (0..3).any(|c| lit[c] - outside[c] > 1e-12 * lit[c])
-}
-
-fn plan(traversal: &LightMapTraversal, grey: bool) -> WalkPlan {
-    if grey { WalkPlan::new::<f32, 1>(traversal) } else { WalkPlan::new::<f32, 3>(traversal) }
 }
 
 /// What all rays of a scene share.

@@ -88,11 +88,11 @@ pub fn random(seed: u64, rays: usize, basis: Basis, quadrature: Quadrature) -> L
 pub fn kept_rows<const C: usize>(
     traversal: &(impl unscatter::march::Traversal<f64, C> + Clone),
 ) -> unscatter::operator::RowTable {
-    use unscatter::cpu::{Transport, WalkPlan};
-    use unscatter::operator::{MatrixRows, RowTable};
+    use unscatter::cpu::Transport;
+    use unscatter::operator::{MatrixRows, RowTable, WalkPlan};
     use unscatter::scene::Strategy;
 
-    let plan = WalkPlan::new::<f32, C>(traversal);
+    let plan = WalkPlan::new::<C>(traversal);
     let kept = Transport::<_, f32, C>::new(traversal.clone(), &plan, Strategy::Auto, u64::MAX).unwrap();
     let mut table = RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); C] };
     for row in 0..MatrixRows::<f32, C>::rows(&kept) {

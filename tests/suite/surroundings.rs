@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 use unscatter::Error;
-use unscatter::cpu::WalkPlan;
 use unscatter::march::Surroundings;
-use unscatter::operator::{CpuVector, LinearOperator, Neighbours, TransportOperator, adjoint_test};
+use unscatter::operator::{CpuVector, LinearOperator, Neighbours, TransportOperator, WalkPlan, adjoint_test};
 use unscatter::problem::{LightMapProblem, evenly, render, solve};
 use unscatter::scene::{Medium, Ray, Rgb, Scene, Strategy, Weight};
 use unscatter::solve::Control;
@@ -326,10 +325,7 @@ fn only_texels(mut problem: LightMapProblem) -> LightMapProblem {
     let surfaces = Surroundings::new(0, &[], reflected).unwrap();
     problem.traversal = problem.traversal.among(Arc::new(surfaces));
     problem.further_start.clear();
-    problem.plan = match problem.is_grey() {
-        true => WalkPlan::new::<f32, 1>(&problem.traversal),
-        false => WalkPlan::new::<f32, 3>(&problem.traversal),
-    };
+    problem.plan = WalkPlan::of(&problem.traversal, problem.is_grey());
     problem
 }
 

@@ -3,9 +3,11 @@ use std::sync::Arc;
 use super::VolumeRows;
 use super::environment::{LightColumns, LitRows, SeenLights};
 use crate::Result;
-use crate::cpu::{HostOperator, WalkPlan};
-use crate::march::{Traversal, VolumeTraversal};
-use crate::operator::{CpuVector, LinearOperator, Metric, Product, Storage, Tiling, TransportOperator};
+use crate::cpu::{HostOperator, kept_bytes};
+use crate::march::VolumeTraversal;
+use crate::operator::{
+    CpuVector, LinearOperator, Metric, Product, Storage, Tiling, TransportOperator, WalkPlan,
+};
 use crate::scene::Strategy;
 
 /// `T` of a volume problem on the CPU in f32: its rows, kept or walked; or, of lights, light volumes that are walked.
@@ -30,10 +32,11 @@ impl VolumeOperator {
         strategy: Strategy,
         budget: u64,
     ) -> Result<Self> {
+        let bytes = kept_bytes::<f32>(plan, if is_grey { 1 } else { 3 });
         let keep = |strategy| HostOperator::new(rows.clone(), is_grey, plan, strategy, budget);
         let walked = match (rows, strategy) {
             (VolumeRows::Lights(rows), Strategy::MatrixFree) => Some(rows),
-            (VolumeRows::Lights(rows), Strategy::Auto) if plan.bytes > budget => Some(rows),
+            (VolumeRows::Lights(rows), Strategy::Auto) if bytes > budget => Some(rows),
             _ => None,
         };
         Ok(match walked {
@@ -47,11 +50,8 @@ impl VolumeOperator {
 }
 
 fn light_volumes(rows: &LitRows, is_grey: bool, strategy: Strategy, budget: u64) -> Result<LightVolumes> {
-    fn plan<T: Traversal<f64, 1> + Traversal<f64, 3>>(traversal: &T, is_grey: bool) -> WalkPlan {
-        if is_grey { WalkPlan::new::<f32, 1>(traversal) } else { WalkPlan::new::<f32, 3>(traversal) }
-    }
     let (scattered, seen) = (rows.scattered.clone(), rows.seen.clone());
-    let plans = [plan(&scattered, is_grey), plan(&seen, is_grey)];
+    let plans = [WalkPlan::of(&scattered, is_grey), WalkPlan::of(&seen, is_grey)];
     let scattered = HostOperator::new(scattered, is_grey, &plans[0], strategy, budget)?;
     let seen = HostOperator::new(seen, is_grey, &plans[1], Strategy::MatrixFree, 0)?;
     Product::new(scattered, rows.columns.clone(), seen)

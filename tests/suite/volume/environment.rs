@@ -148,7 +148,7 @@ fn both_strategies_are_the_explicit_matrix_and_have_its_adjoint() {
 fn too_many_lights_for_the_memory_become_light_volumes() {
     let scene = scene(&CASES[0]);
     let (problem, _) = of_truth(&scene);
-    let all = problem.operator(Strategy::Auto, problem.plan.bytes).unwrap().storage();
+    let all = problem.operator(Strategy::Auto, problem.kept_bytes()).unwrap().storage();
     assert_eq!((all.kept_rows, all.walked_rows), (problem.targets.len(), 0));
     assert_eq!(all.kept_nonzeros, problem.plan.nonzeros);
     let none = problem.operator(Strategy::Auto, 0).unwrap().storage();
