@@ -4,7 +4,7 @@ use std::cell::LazyCell;
 
 use unscatter::cpu::{TileMetric, Transport};
 use unscatter::gpu::{self, Gpu, GpuVector, surfaces_seen};
-use unscatter::operator::{Bounds, LinearOperator, Metric, Tiling, Vector, WalkPlan};
+use unscatter::operator::{Bounds, LinearOperator, Metric, TileBlocks, Tiling, Vector, WalkPlan};
 use unscatter::scene::Strategy;
 
 use crate::rates::{Rates, Work, by_the_clock};
@@ -31,7 +31,7 @@ pub fn bench(rates: &mut Rates, gpu: &Gpu, field: &Field) {
         let tiling = Tiling::new([field.map; 2], &texels);
         let (ones, added) = (vec![1.0; field.painted], vec![1e-6; texels.len()]);
         let metric = TileMetric::new(&kept, &tiling, &ones, &added).unwrap();
-        (gpu::TileMetric::new(gpu, texels.len(), metric.blocks()).unwrap(), metric.bytes())
+        (gpu::TileMetric::new(gpu, texels.len(), metric.channels(), metric.blocks()).unwrap(), metric.bytes())
     });
     for (name, vectors, operate) in OPERATIONS {
         rates.bench("metric", name, || {

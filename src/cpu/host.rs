@@ -1,8 +1,11 @@
+use std::fmt::Debug;
+
 use super::{TileMetric, Transport};
 use crate::Result;
 use crate::march::{Real, Traversal};
 use crate::operator::{
-    CpuVector, LinearOperator, Metric, Storage, Tiling, TransportOperator, Vector, WalkPlan, brought, fetched,
+    CpuVector, HostRows, LinearOperator, Metric, RowTable, Storage, TileBlocks, Tiling, TransportOperator,
+    Vector, WalkPlan, brought, fetched,
 };
 use crate::scene::Strategy;
 
@@ -64,6 +67,29 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> TransportOperator for Ho
             Self::Grey(transport) => transport.storage(),
             Self::Colored(transport) => transport.storage(),
         }
+    }
+}
+
+impl<T> HostRows for HostOperator<T>
+where
+    T: Traversal<f64, 1> + Traversal<f64, 3> + Debug + Send,
+{
+    fn table(&self) -> RowTable {
+        match self {
+            Self::Grey(transport) => RowTable::of(transport),
+            Self::Colored(transport) => RowTable::of(transport),
+        }
+    }
+
+    fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
+        TransportOperator::squares(self, weights)
+    }
+
+    fn tiles(&self, tiling: &Tiling, weights: &[f64], added: &[f64]) -> Result<Box<dyn TileBlocks>> {
+        Ok(match self {
+            Self::Grey(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
+            Self::Colored(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
+        })
     }
 }
 

@@ -2,7 +2,9 @@ use rayon::prelude::*;
 
 use super::rows::{Padded, padded};
 use crate::march::{Real, Weight, channel};
-use crate::operator::{Bounds, CpuVector, MatrixRows, Metric, Scalars, TILE_SIDE as SIDE, Tiling};
+use crate::operator::{
+    Bounds, CpuVector, MatrixRows, Metric, Scalars, TILE_SIDE as SIDE, TileBlocks, Tiling,
+};
 use crate::{Error, Result};
 
 /// Rows that are sorted by tile before the tiles add them up.
@@ -87,16 +89,6 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
     /// Bytes that it takes.
     pub fn bytes(&self) -> u64 {
         self.tiles.iter().map(|tile| size_of_val(&tile.matrix[..]) as u64).sum()
-    }
-
-    /// Its blocks: the unknowns of each tile, and its matrix row by row.
-    pub fn blocks(&self) -> impl Iterator<Item = (&[u32], &[[F; C]])> {
-        let mut order = &self.order[..];
-        self.tiles.iter().map(move |tile| {
-            let (members, others) = order.split_at(tile.inverse.len());
-            order = others;
-            (members, &tile.matrix[..])
-        })
     }
 
     /// Lets every tile compute on its part of v, given which unknowns that are.
@@ -232,6 +224,21 @@ impl<F: Real, const C: usize> Tile<F, C> {
 
 /// Room for one tile.
 type Room<F> = [Padded<F>; SIDE * SIDE];
+
+impl<const C: usize> TileBlocks for TileMetric<f32, C> {
+    fn channels(&self) -> usize {
+        C
+    }
+
+    fn blocks(&self) -> Box<dyn Iterator<Item = (&[u32], &[f32])> + '_> {
+        let mut order = &self.order[..];
+        Box::new(self.tiles.iter().map(move |tile| {
+            let (members, others) = order.split_at(tile.inverse.len());
+            order = others;
+            (members, tile.matrix.as_flattened())
+        }))
+    }
+}
 
 impl<F: Real, const C: usize> Metric<CpuVector<F>> for TileMetric<F, C> {
     fn stretch(&self, v: &mut CpuVector<F>) {

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use super::Gpu;
 use super::kernel::{Kernel, LANES};
 use super::layout::Rows;
 use super::memory::Allocation;
 use super::vector::{GpuVector, Index};
-use crate::operator::{Indexed, LinearOperator, RowTable, expect_len};
+use super::{DeviceOperator, Gpu};
+use crate::operator::{Indexed, LinearOperator, RowTable, Storage, expect_len};
 use crate::{Error, Result};
 
 /// Non-zeros that one row may have before it is cut up. The texels around an eye are in every row of its view, and a few
@@ -87,14 +87,6 @@ impl Kept {
     /// The number of non-zeros.
     pub fn nonzeros(&self) -> usize {
         self.nonzeros
-    }
-
-    /// x ← diag(Tᵀ diag(y) T).
-    pub fn squares(&self, y: &GpuVector, x: &mut GpuVector) -> Result<()> {
-        expect_len("x", x, self.by_column.rows)?;
-        expect_len("y", y, self.by_row.rows)?;
-        self.by_column.gather(&self.gpu, y, x, true);
-        self.gpu.check()
     }
 }
 
@@ -241,5 +233,23 @@ impl LinearOperator for Kept {
         expect_len("y", y, self.by_row.rows)?;
         self.by_column.gather(&self.gpu, y, x, false);
         self.gpu.check()
+    }
+}
+
+impl DeviceOperator for Kept {
+    fn squares(&self, y: &GpuVector, x: &mut GpuVector) -> Result<bool> {
+        expect_len("x", x, self.by_column.rows)?;
+        expect_len("y", y, self.by_row.rows)?;
+        self.by_column.gather(&self.gpu, y, x, true);
+        self.gpu.check()?;
+        Ok(true)
+    }
+
+    fn is_deterministic(&self) -> bool {
+        true
+    }
+
+    fn storage(&self) -> Storage {
+        Storage { kept_rows: self.by_row.rows, kept_nonzeros: self.nonzeros as u64, ..Storage::default() }
     }
 }

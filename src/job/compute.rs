@@ -195,10 +195,7 @@ impl Task<'_> {
         steps: &mut Steps<'_>,
         preview: &dyn Fn(&[Rgb]) -> Result<()>,
     ) -> Result<Computed> {
-        use crate::problem::GpuLightMapOperator;
-        let make = || {
-            GpuLightMapOperator::new(gpu, self.problem, self.settings.strategy, self.budget()?, deterministic)
-        };
+        let make = || self.problem.on_gpu(gpu, self.settings.strategy, self.budget()?, deterministic);
         let mut trips = Vec::new();
         let mut each = || trips.push(gpu.round_trips());
         let record = gpu.record();

@@ -2,7 +2,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::march::Weight;
+use crate::march::{Traversal, Weight};
+
+/// Rows that one task reads.
+const ROWS_AT_ONCE: usize = 1024;
 
 /// The rows of a matrix, wherever they are.
 pub trait MatrixRows<F, const C: usize>: Sync {
@@ -11,6 +14,19 @@ pub trait MatrixRows<F, const C: usize>: Sync {
 
     /// Visits the non-zeros of a row in any order, each element at most once.
     fn visit(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>));
+}
+
+/// A traversal's rows in f32.
+struct Rounded<'a, T, const C: usize>(&'a T);
+
+impl<T: Traversal<f64, C>, const C: usize> MatrixRows<f32, C> for Rounded<'_, T, C> {
+    fn rows(&self) -> usize {
+        self.0.rows()
+    }
+
+    fn visit(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f32, C>)) {
+        self.0.walk(row, &mut |element, weight| visit(element, weight.map(|weight| weight as f32)));
+    }
 }
 
 /// Rows of a matrix on the host: where each begins, which elements it has, and their weights, one channel after the other.
@@ -25,6 +41,29 @@ pub struct RowTable {
 }
 
 impl RowTable {
+    /// The rows of a matrix.
+    pub fn of<const C: usize>(rows: &impl MatrixRows<f32, C>) -> Self {
+        let starts: Vec<usize> = (0..rows.rows()).step_by(ROWS_AT_ONCE).collect();
+        let part = |start: usize| {
+            let mut part = Self { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); C] };
+            for row in start..(start + ROWS_AT_ONCE).min(rows.rows()) {
+                rows.visit(row, &mut |element, weight: Weight<f32, C>| {
+                    part.elements.push(element as u32);
+                    part.weights.iter_mut().zip(weight).for_each(|(weights, weight)| weights.push(weight));
+                });
+                part.offsets.push(part.elements.len());
+            }
+            part
+        };
+        let parts: Vec<Self> = starts.into_par_iter().map(part).collect();
+        Self::joined(&parts, C)
+    }
+
+    /// The rows of a traversal, walked in f64 and rounded; one channel for grey ones, else three.
+    pub fn walked(traversal: &(impl Traversal<f64, 1> + Traversal<f64, 3>), is_grey: bool) -> Self {
+        if is_grey { Self::of(&Rounded::<_, 1>(traversal)) } else { Self::of(&Rounded::<_, 3>(traversal)) }
+    }
+
     /// The number of rows.
     pub fn rows(&self) -> usize {
         self.offsets.len().saturating_sub(1)

@@ -68,3 +68,12 @@ impl Tiling {
         &self.members
     }
 }
+
+/// The blocks of a metric of tiles, on the host.
+pub trait TileBlocks {
+    /// Weights an entry: one for all channels, or one each.
+    fn channels(&self) -> usize;
+
+    /// The unknowns of each tile, and its symmetric matrix row by row, an entry's weights together.
+    fn blocks(&self) -> Box<dyn Iterator<Item = (&[u32], &[f32])> + '_>;
+}

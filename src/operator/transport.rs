@@ -1,4 +1,6 @@
-use super::{CpuVector, Indexed, LinearOperator, Metric, Tiling, Vector};
+use std::fmt::Debug;
+
+use super::{CpuVector, Indexed, LinearOperator, Metric, RowTable, TileBlocks, Tiling, Vector};
 use crate::Result;
 use crate::scene::Rgb;
 
@@ -51,6 +53,22 @@ pub trait TransportOperator: LinearOperator<Domain = Self::Vector, Range = Self:
         self.apply_adjoint(&y, &mut x)?;
         fetched(&x)
     }
+}
+
+/// Rows of `T` on the host, for whoever computes elsewhere.
+pub trait HostRows: Debug + Send + Sync {
+    /// Their non-zeros, row by row, each row's in the order in which the host has them.
+    fn table(&self) -> RowTable;
+
+    /// diag(Tᵀ diag(weights) T).
+    ///
+    /// Errors: [`crate::Error::Shape`] when there is not one weight a row.
+    fn squares(&self, weights: &CpuVector) -> Result<CpuVector>;
+
+    /// The blocks of the metric of tiles for rows with these weights, and `added` on its diagonal.
+    ///
+    /// Errors: [`crate::Error::Shape`] when there is not one weight a row, or not one addition an unknown.
+    fn tiles(&self, tiling: &Tiling, weights: &[f64], added: &[f64]) -> Result<Box<dyn TileBlocks>>;
 }
 
 /// Colours of the host in a vector that lives elsewhere.

@@ -7,7 +7,11 @@ use super::surfaces::lengths;
 use super::surroundings::Shown;
 use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints, evenly};
 use crate::cpu::{HostOperator, kept_bytes};
+#[cfg(feature = "gpu")]
+use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
+#[cfg(feature = "gpu")]
+use crate::operator::{Added, HostRows, RowTable};
 use crate::operator::{Bounds, CpuVector, WalkPlan};
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
 use crate::visibility::Geometry;
@@ -164,6 +168,32 @@ impl LightMapProblem {
         LightMapOperator::new(self.traversal.clone(), self.grey, &self.plan, strategy, budget)
     }
 
+    /// T on a graphics adapter: all rows kept there where `strategy` and the `budget` in bytes allow, else walked there, with kept
+    /// rows of what they show beside their texels. `deterministic` sums are the same in every run.
+    ///
+    /// Errors: [`Error::TooLarge`] when all rows must be kept and exceed the budget, [`Error::AdapterMemory`];
+    /// [`Error::Unsupported`] for light whose squares f32 does not hold.
+    #[cfg(feature = "gpu")]
+    pub fn on_gpu(
+        &self,
+        gpu: &Gpu,
+        strategy: Strategy,
+        budget: u64,
+        deterministic: bool,
+    ) -> Result<GpuOperator> {
+        check_brightness(gpu, self.start)?;
+        let on_host =
+            |strategy| -> Result<Box<dyn HostRows>> { Ok(Box::new(self.operator_with(strategy, u64::MAX)?)) };
+        let walked = || -> Result<Box<dyn DeviceOperator>> {
+            let walked = Walked::light_map(gpu, &self.traversal, !self.grey, deterministic)?;
+            let Some(beside) = self.traversal.beside() else { return Ok(Box::new(walked)) };
+            let beside = Kept::new(gpu, RowTable::walked(&beside, self.grey), self.elements())?;
+            Ok(Box::new(Added::new(walked, beside)?))
+        };
+        let channels = if self.grey { 1 } else { 3 };
+        GpuOperator::new(gpu, (&self.plan, channels), (strategy, budget), &on_host, &walked)
+    }
+
     /// The radiance that a row should have, all told.
     pub fn wanted(&self, row: usize) -> Rgb {
         rgb(|c| self.targets[row][c] + self.surroundings[row][c])
@@ -245,6 +275,25 @@ impl LightMapProblem {
             remedy: "raise medium.sigma_t or medium.albedo",
         })
     }
+}
+
+/// Sums of squares are made in f32 on an adapter: those of fainter light would be zero, and of brighter light infinite.
+///
+/// Errors: [`Error::Unsupported`].
+#[cfg(feature = "gpu")]
+fn check_brightness(gpu: &Gpu, light: Rgb) -> Result<()> {
+    const HELD: std::ops::RangeInclusive<f32> = 1e-15..=1e15;
+    let brightest = light.into_iter().fold(0.0, f32::max);
+    if brightest == 0.0 || HELD.contains(&brightest) {
+        return Ok(());
+    }
+    Err(Error::Unsupported {
+        adapter: gpu.record().name.clone(),
+        problem: format!(
+            "computes sums in f32, and a light of radiance {brightest:e} is beyond what they hold"
+        ),
+        remedy: "use another unit, in which light.radiance is from 1e-15 to 1e15, or use --backend cpu",
+    })
 }
 
 /// What is wanted of a row beyond what is known of it.

@@ -7,8 +7,6 @@ mod evenly;
 mod extents;
 mod fill;
 mod formulation;
-#[cfg(feature = "gpu")]
-mod gpu;
 mod light_map;
 mod painting;
 #[cfg(feature = "gpu")]
@@ -26,8 +24,6 @@ pub use diffusion::{Diffused, Known, diffuse};
 pub use evenly::evenly;
 pub use extents::{Maps, fit};
 pub use formulation::{Formulation, Lattice, Start, Steering};
-#[cfg(feature = "gpu")]
-pub use gpu::{GpuLightMapOperator, GpuOperator};
 use light_map::luminance;
 
 pub use light_map::{LightMapOperator, LightMapProblem};

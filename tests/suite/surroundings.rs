@@ -274,13 +274,7 @@ fn rows_on_an_adapter_are_the_explicit_matrix() {
         for (strategy, deterministic) in
             [(Strategy::Assembled, false), (Strategy::MatrixFree, false), (Strategy::MatrixFree, true)]
         {
-            let operator = unscatter::problem::GpuLightMapOperator::new(
-                &gpu,
-                &problem,
-                strategy,
-                u64::MAX,
-                deterministic,
-            );
+            let operator = problem.on_gpu(&gpu, strategy, u64::MAX, deterministic);
             assert_is_explicit(&format!("{case:?}, {strategy:?}"), &problem, &operator.unwrap());
         }
     }

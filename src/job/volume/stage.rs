@@ -93,13 +93,8 @@ impl Task<'_> {
                 #[cfg(feature = "gpu")]
                 On::Gpu(gpu) => {
                     steps.begin("walking", None);
-                    let operator = crate::problem::GpuOperator::of_volume(
-                        &gpu,
-                        &problem,
-                        settings.strategy,
-                        budget,
-                        place.options.deterministic,
-                    )?;
+                    let deterministic = place.options.deterministic;
+                    let operator = problem.on_gpu(&gpu, settings.strategy, budget, deterministic)?;
                     let mut trips = Vec::new();
                     let record = gpu.record();
                     let watch = Watch { adapter: Some(&record.name), ..watch };

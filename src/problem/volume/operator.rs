@@ -1,13 +1,21 @@
 use std::sync::Arc;
 
+#[cfg(feature = "gpu")]
+use super::VolumeProblem;
 use super::VolumeRows;
 use super::environment::{LightColumns, LitRows, SeenLights};
+#[cfg(feature = "gpu")]
+use crate::Error;
 use crate::Result;
 use crate::cpu::{HostOperator, kept_bytes};
+#[cfg(feature = "gpu")]
+use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
 use crate::march::VolumeTraversal;
 use crate::operator::{
     CpuVector, LinearOperator, Metric, Product, Storage, Tiling, TransportOperator, WalkPlan,
 };
+#[cfg(feature = "gpu")]
+use crate::operator::{HostRows, RowTable};
 use crate::scene::Strategy;
 
 /// `T` of a volume problem on the CPU in f32: its rows, kept or walked; or, of lights, light volumes that are walked.
@@ -57,11 +65,78 @@ fn light_volumes(rows: &LitRows, is_grey: bool, strategy: Strategy, budget: u64)
     Product::new(scattered, rows.columns.clone(), seen)
 }
 
+#[cfg(feature = "gpu")]
+impl VolumeProblem {
+    /// T on a graphics adapter: all rows kept there where `strategy` and the `budget` in bytes allow. Else voxels are walked there,
+    /// and of lights the factors of light volumes are kept. `deterministic` sums are the same in every run.
+    ///
+    /// Errors: [`Error::TooLarge`] when rows must be kept and exceed the budget, [`Error::AdapterMemory`]; [`Error::Unsupported`] for
+    /// rays that no kernel walks.
+    pub fn on_gpu(
+        &self,
+        gpu: &Gpu,
+        strategy: Strategy,
+        budget: u64,
+        deterministic: bool,
+    ) -> Result<GpuOperator> {
+        let grey = self.is_grey();
+        let on_host = |strategy| -> Result<Box<dyn HostRows>> {
+            let rows = self.traversal.clone();
+            Ok(Box::new(HostOperator::<_, f32>::new(rows, grey, &self.plan, strategy, u64::MAX)?))
+        };
+        let otherwise = || -> Result<Box<dyn DeviceOperator>> {
+            match &self.traversal {
+                VolumeRows::Voxels(rows) => Ok(Box::new(Walked::volume(gpu, rows, !grey, deterministic)?)),
+                VolumeRows::Linearized(_) => Err(Error::TooLarge {
+                    what: "the rows of a refinement, which an adapter only keeps".to_owned(),
+                    needed: format!("{} bytes", self.kept_bytes()),
+                    limit: format!("{budget} bytes"),
+                    remedy: "raise --memory, lower the views' sizes or volume.size, or use --backend cpu",
+                }),
+                VolumeRows::Lights(rows) => Ok(Box::new(light_volumes_on(gpu, rows, grey, budget)?)),
+            }
+        };
+        let channels = if grey { 1 } else { 3 };
+        GpuOperator::new(gpu, (&self.plan, channels), (strategy, budget), &on_host, &otherwise)
+    }
+}
+
+/// G V + D of lights on an adapter, each factor kept there.
+///
+/// Errors: [`Error::TooLarge`], [`Error::AdapterMemory`].
+#[cfg(feature = "gpu")]
+fn light_volumes_on(
+    gpu: &Gpu,
+    rows: &LitRows,
+    is_grey: bool,
+    budget: u64,
+) -> Result<Product<Kept, Kept, Kept>> {
+    let (lights, voxels) = (rows.basis().len(), rows.scattered.parts()[0].voxels().len());
+    let columns = match &*rows.columns {
+        LightColumns::Grey(columns) => RowTable::of(columns),
+        LightColumns::Colored(columns) => RowTable::of(columns),
+    };
+    let plan = WalkPlan::of(&rows.scattered, is_grey);
+    let bytes = Kept::bytes(plan.nonzeros, plan.rows, voxels, if is_grey { 1 } else { 3 });
+    if 2 * bytes > budget {
+        return Err(Error::TooLarge {
+            what: "what the voxels scatter, on an adapter".to_owned(),
+            needed: format!("{} bytes", 2 * bytes),
+            limit: format!("{budget} bytes"),
+            remedy: "raise --memory, lower the views' sizes or light_size, or use --backend cpu",
+        });
+    }
+    let scattered = Kept::new(gpu, RowTable::walked(&rows.scattered, is_grey), voxels)?;
+    let seen = RowTable::walked(&rows.seen, is_grey);
+    let [columns, seen] = [Kept::new(gpu, columns, lights)?, Kept::new(gpu, seen, lights)?];
+    Product::new(scattered, columns, seen)
+}
+
 impl TransportOperator for VolumeOperator {
     type Vector = CpuVector;
 
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
-        self.rows.squares(weights)
+        TransportOperator::squares(&self.rows, weights)
     }
 
     fn tile_metric(

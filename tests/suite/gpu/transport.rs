@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use unscatter::cpu::Transport as CpuTransport;
-use unscatter::gpu::{Accumulation, Choice, Gpu, GpuVector, Kept, Walked};
+use unscatter::gpu::{Accumulation, Choice, DeviceOperator, Gpu, GpuVector, Kept, Walked};
 use unscatter::march::{LightMapTraversal, Traversal};
 use unscatter::operator::{CpuVector, LinearOperator, RowTable, Vector, WalkPlan, adjoint_test};
 use unscatter::scene::{Basis, Quadrature, Strategy as Storage};

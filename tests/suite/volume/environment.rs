@@ -193,7 +193,6 @@ fn lights_that_nothing_shows_are_refused() {
 #[test]
 #[ignore = "needs a graphics adapter; ./test.sh brings one"]
 fn adapters_agree_with_the_explicit_matrix() {
-    use unscatter::problem::GpuOperator;
     let gpu = crate::gpu::gpu();
     for case in &CASES {
         let scene = scene(case);
@@ -201,7 +200,7 @@ fn adapters_agree_with_the_explicit_matrix() {
         let x = colours(&scene.light_basis);
         let here = problem.operator(Strategy::Assembled, u64::MAX).unwrap();
         for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
-            let operator = GpuOperator::of_volume(&gpu, &problem, strategy, u64::MAX, false).unwrap();
+            let operator = problem.on_gpu(&gpu, strategy, u64::MAX, false).unwrap();
             assert!(operator.is_deterministic());
             let errors = [
                 relative(&operator.shown(&x).unwrap(), &here.shown(&x).unwrap()),
