@@ -8,7 +8,7 @@ use super::tiles::TileMetric;
 use super::vector::GpuVector;
 use super::walked::Walked;
 use crate::operator::{
-    Added, CpuVector, HostRows, LinearOperator, Metric, Product, Storage, Tiling, TransportOperator,
+    Added, Composed, CpuVector, HostRows, LinearOperator, Metric, Storage, Tiling, TransportOperator,
     WalkPlan, brought, fetched,
 };
 use crate::scene::Strategy;
@@ -47,10 +47,10 @@ impl DeviceOperator for Added<Walked, Kept> {
     }
 }
 
-/// Light volumes, of what is kept.
-impl DeviceOperator for Product<Kept, Kept, Kept> {
+/// Light volumes, of what is kept: G V + D.
+impl DeviceOperator for Added<Composed<Kept, Kept>, Kept> {
     fn squares(&self, _: &GpuVector, _: &mut GpuVector) -> Result<bool> {
-        // The squares of a product are not those of its factors.
+        // Nor are those of a product those of its factors.
         Ok(false)
     }
 
@@ -59,7 +59,8 @@ impl DeviceOperator for Product<Kept, Kept, Kept> {
     }
 
     fn storage(&self) -> Storage {
-        let (scattered, columns, seen) = self.factors();
+        let (product, seen) = self.terms();
+        let (scattered, columns) = product.factors();
         Storage {
             kept_nonzeros: [scattered, columns, seen].iter().map(|kept| kept.nonzeros() as u64).sum(),
             of_light_volumes: true,

@@ -6,10 +6,10 @@
 mod added;
 mod adjoint;
 mod bounds;
+mod composed;
 mod cpu_vector;
 mod metric;
 mod neighbours;
-mod product;
 mod restricted;
 mod row_table;
 mod scaled;
@@ -22,10 +22,10 @@ mod weighted;
 pub use added::Added;
 pub use adjoint::{AdjointTest, adjoint_test};
 pub use bounds::Bounds;
+pub use composed::Composed;
 pub use cpu_vector::CpuVector;
 pub use metric::{Metric, Scaling};
 pub use neighbours::{Gradient, Laplacian, Neighbours};
-pub use product::Product;
 pub use restricted::Restricted;
 pub use row_table::{MatrixRows, RowTable};
 pub use scaled::{Identity, Scaled};
@@ -239,6 +239,28 @@ impl<T: LinearOperator + ?Sized> LinearOperator for Box<T> {
     }
 
     fn apply_adjoint(&self, y: &Self::Range, x: &mut Self::Domain) -> Result<()> {
+        (**self).apply_adjoint(y, x)
+    }
+}
+
+/// An operator that is shared.
+impl<O: LinearOperator> LinearOperator for Arc<O> {
+    type Domain = O::Domain;
+    type Range = O::Range;
+
+    fn domain(&self) -> O::Domain {
+        (**self).domain()
+    }
+
+    fn range(&self) -> O::Range {
+        (**self).range()
+    }
+
+    fn apply(&self, x: &O::Domain, y: &mut O::Range) -> Result<()> {
+        (**self).apply(x, y)
+    }
+
+    fn apply_adjoint(&self, y: &O::Range, x: &mut O::Domain) -> Result<()> {
         (**self).apply_adjoint(y, x)
     }
 }

@@ -12,7 +12,7 @@ use crate::cpu::{HostOperator, kept_bytes};
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
 use crate::march::VolumeTraversal;
 use crate::operator::{
-    CpuVector, LinearOperator, Metric, Product, Storage, Tiling, TransportOperator, WalkPlan,
+    Added, Composed, CpuVector, LinearOperator, Metric, Storage, Tiling, TransportOperator, WalkPlan,
 };
 #[cfg(feature = "gpu")]
 use crate::operator::{HostRows, RowTable};
@@ -26,7 +26,8 @@ pub struct VolumeOperator {
 }
 
 /// G V + D: what an application takes hardly depends on the number of lights.
-type LightVolumes = Product<HostOperator<VolumeTraversal>, Arc<LightColumns>, HostOperator<SeenLights>>;
+type LightVolumes =
+    Added<Composed<HostOperator<VolumeTraversal>, Arc<LightColumns>>, HostOperator<SeenLights>>;
 
 impl VolumeOperator {
     /// All rows are kept where that is asked for, or fits; of lights, those that do not fit are not walked but given up for light
@@ -62,7 +63,7 @@ fn light_volumes(rows: &LitRows, is_grey: bool, strategy: Strategy, budget: u64)
     let plans = [WalkPlan::of(&scattered, is_grey), WalkPlan::of(&seen, is_grey)];
     let scattered = HostOperator::new(scattered, is_grey, &plans[0], strategy, budget)?;
     let seen = HostOperator::new(seen, is_grey, &plans[1], Strategy::MatrixFree, 0)?;
-    Product::new(scattered, rows.columns.clone(), seen)
+    Added::new(Composed::new(scattered, rows.columns.clone())?, seen)
 }
 
 #[cfg(feature = "gpu")]
@@ -110,7 +111,7 @@ fn light_volumes_on(
     rows: &LitRows,
     is_grey: bool,
     budget: u64,
-) -> Result<Product<Kept, Kept, Kept>> {
+) -> Result<Added<Composed<Kept, Kept>, Kept>> {
     let (lights, voxels) = (rows.basis().len(), rows.scattered.parts()[0].voxels().len());
     let columns = match &*rows.columns {
         LightColumns::Grey(columns) => RowTable::of(columns),
@@ -129,7 +130,7 @@ fn light_volumes_on(
     let scattered = Kept::new(gpu, RowTable::walked(&rows.scattered, is_grey), voxels)?;
     let seen = RowTable::walked(&rows.seen, is_grey);
     let [columns, seen] = [Kept::new(gpu, columns, lights)?, Kept::new(gpu, seen, lights)?];
-    Product::new(scattered, columns, seen)
+    Added::new(Composed::new(scattered, columns)?, seen)
 }
 
 impl TransportOperator for VolumeOperator {
@@ -150,7 +151,10 @@ impl TransportOperator for VolumeOperator {
 
     fn storage(&self) -> Storage {
         match &self.light_volumes {
-            Some(light_volumes) => Storage { of_light_volumes: true, ..light_volumes.factors().0.storage() },
+            Some(light_volumes) => {
+                let (scattered, _) = light_volumes.terms().0.factors();
+                Storage { of_light_volumes: true, ..scattered.storage() }
+            }
             None => self.rows.storage(),
         }
     }
