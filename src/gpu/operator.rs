@@ -8,8 +8,8 @@ use super::tiles::TileMetric;
 use super::vector::GpuVector;
 use super::walked::Walked;
 use crate::operator::{
-    Added, Composed, CpuVector, HostRows, LinearOperator, Metric, Storage, Tiling, TransportOperator,
-    WalkPlan, brought, fetched,
+    Composed, CpuVector, HostRows, LinearOperator, Metric, Storage, Sum, Tiling, TransportOperator, WalkPlan,
+    brought, fetched,
 };
 use crate::scene::Strategy;
 use crate::{Error, Result};
@@ -32,7 +32,7 @@ pub trait DeviceOperator: LinearOperator<Domain = GpuVector, Range = GpuVector> 
 }
 
 /// Rows over a light map, and what their rows show beside it.
-impl DeviceOperator for Added<Walked, Kept> {
+impl DeviceOperator for Sum<Walked, Kept> {
     fn squares(&self, _: &GpuVector, _: &mut GpuVector) -> Result<bool> {
         // The squares of a sum are not those of its terms.
         Ok(false)
@@ -48,7 +48,7 @@ impl DeviceOperator for Added<Walked, Kept> {
 }
 
 /// Light volumes, of what is kept: G V + D.
-impl DeviceOperator for Added<Composed<Kept, Kept>, Kept> {
+impl DeviceOperator for Sum<Composed<Kept, Kept>, Kept> {
     fn squares(&self, _: &GpuVector, _: &mut GpuVector) -> Result<bool> {
         // Nor are those of a product those of its factors.
         Ok(false)

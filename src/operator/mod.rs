@@ -3,7 +3,6 @@
 //! Everything is generic over the vectors, so one solver serves every backend. A vector holds three
 //! channels an element, and scalars come as one number a channel: three problems are solved side by side.
 
-mod added;
 mod adjoint;
 mod bounds;
 mod composed;
@@ -14,12 +13,12 @@ mod restricted;
 mod row_table;
 mod scaled;
 mod stacked;
+mod sum;
 mod tiling;
 mod transport;
 mod walk_plan;
 mod weighted;
 
-pub use added::Added;
 pub use adjoint::{AdjointTest, adjoint_test};
 pub use bounds::Bounds;
 pub use composed::Composed;
@@ -30,6 +29,7 @@ pub use restricted::Restricted;
 pub use row_table::{MatrixRows, RowTable};
 pub use scaled::{Identity, Scaled};
 pub use stacked::{BlockSum, Blocks, Stacked};
+pub use sum::Sum;
 pub use tiling::{TileBlocks, Tiling};
 pub use transport::{HostRows, Storage, TransportOperator};
 pub(crate) use transport::{brought, fetched};
@@ -47,12 +47,12 @@ pub type Scalars = [f64; 3];
 pub const TILE_SIDE: usize = 8;
 
 /// A number a channel that may still be under way on a device.
-pub trait Sum {
+pub trait PendingSum {
     /// Waits for it, and for all that was asked for before it.
     fn value(self) -> Result<Scalars>;
 }
 
-impl Sum for Scalars {
+impl PendingSum for Scalars {
     fn value(self) -> Result<Scalars> {
         Ok(self)
     }
@@ -63,7 +63,7 @@ impl Sum for Scalars {
 /// What a device is told to do it does later; where it fails, the next method that returns a result says so.
 pub trait Vector: Sized {
     /// What a sum over the elements is until it is asked for: to ask for several together costs one wait.
-    type Sum: Sum;
+    type Sum: PendingSum;
 
     /// The number of elements (each of three channels).
     fn len(&self) -> usize;

@@ -10,9 +10,9 @@ use crate::cpu::{HostOperator, kept_bytes};
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
-#[cfg(feature = "gpu")]
-use crate::operator::{Added, HostRows, RowTable};
 use crate::operator::{Bounds, CpuVector, WalkPlan};
+#[cfg(feature = "gpu")]
+use crate::operator::{HostRows, RowTable, Sum};
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
 use crate::visibility::Geometry;
 use crate::{Error, Result};
@@ -188,7 +188,7 @@ impl LightMapProblem {
             let walked = Walked::light_map(gpu, &self.traversal, !self.grey, deterministic)?;
             let Some(beside) = self.traversal.beside() else { return Ok(Box::new(walked)) };
             let beside = Kept::new(gpu, RowTable::walked(&beside, self.grey), self.elements())?;
-            Ok(Box::new(Added::new(walked, beside)?))
+            Ok(Box::new(Sum::new(walked, beside)?))
         };
         let channels = if self.grey { 1 } else { 3 };
         GpuOperator::new(gpu, (&self.plan, channels), (strategy, budget), &on_host, &walked)

@@ -12,7 +12,7 @@ use crate::cpu::{HostOperator, kept_bytes};
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
 use crate::march::VolumeTraversal;
 use crate::operator::{
-    Added, Composed, CpuVector, LinearOperator, Metric, Storage, Tiling, TransportOperator, WalkPlan,
+    Composed, CpuVector, LinearOperator, Metric, Storage, Sum, Tiling, TransportOperator, WalkPlan,
 };
 #[cfg(feature = "gpu")]
 use crate::operator::{HostRows, RowTable};
@@ -26,8 +26,7 @@ pub struct VolumeOperator {
 }
 
 /// G V + D: what an application takes hardly depends on the number of lights.
-type LightVolumes =
-    Added<Composed<HostOperator<VolumeTraversal>, Arc<LightColumns>>, HostOperator<SeenLights>>;
+type LightVolumes = Sum<Composed<HostOperator<VolumeTraversal>, Arc<LightColumns>>, HostOperator<SeenLights>>;
 
 impl VolumeOperator {
     /// All rows are kept where that is asked for, or fits; of lights, those that do not fit are not walked but given up for light
@@ -63,7 +62,7 @@ fn light_volumes(rows: &LitRows, is_grey: bool, strategy: Strategy, budget: u64)
     let plans = [WalkPlan::of(&scattered, is_grey), WalkPlan::of(&seen, is_grey)];
     let scattered = HostOperator::new(scattered, is_grey, &plans[0], strategy, budget)?;
     let seen = HostOperator::new(seen, is_grey, &plans[1], Strategy::MatrixFree, 0)?;
-    Added::new(Composed::new(scattered, rows.columns.clone())?, seen)
+    Sum::new(Composed::new(scattered, rows.columns.clone())?, seen)
 }
 
 #[cfg(feature = "gpu")]
@@ -111,7 +110,7 @@ fn light_volumes_on(
     rows: &LitRows,
     is_grey: bool,
     budget: u64,
-) -> Result<Added<Composed<Kept, Kept>, Kept>> {
+) -> Result<Sum<Composed<Kept, Kept>, Kept>> {
     let (lights, voxels) = (rows.basis().len(), rows.scattered.parts()[0].voxels().len());
     let columns = match &*rows.columns {
         LightColumns::Grey(columns) => RowTable::of(columns),
@@ -130,7 +129,7 @@ fn light_volumes_on(
     let scattered = Kept::new(gpu, RowTable::walked(&rows.scattered, is_grey), voxels)?;
     let seen = RowTable::walked(&rows.seen, is_grey);
     let [columns, seen] = [Kept::new(gpu, columns, lights)?, Kept::new(gpu, seen, lights)?];
-    Added::new(Composed::new(scattered, columns)?, seen)
+    Sum::new(Composed::new(scattered, columns)?, seen)
 }
 
 impl TransportOperator for VolumeOperator {
