@@ -22,9 +22,9 @@ use rayon::prelude::*;
 use scenes::field::Field;
 use scenes::mist;
 use scenes::volume::Cloud;
-use unscatter::cpu::{TileMetric, Tiling, Transport, WalkPlan};
+use unscatter::cpu::{TileMetric, Transport};
 use unscatter::march::{Traversal, Weight};
-use unscatter::operator::{CpuVector, LinearOperator, Vector};
+use unscatter::operator::{CpuVector, LinearOperator, Tiling, Vector, WalkPlan};
 use unscatter::problem::{Formulation, LightMapProblem, VolumeOperator, VolumeProblem, VolumeRows};
 use unscatter::scene::{Basis, Find, Interpolation, Strategy};
 use unscatter::sparse::ExplicitMatrix;
@@ -135,7 +135,7 @@ fn consumers<T: Traversal<f64, 1> + Clone>(
     make: impl FnOnce() -> (T, Tiling),
 ) {
     let made = LazyCell::new(make);
-    let plan = LazyCell::new(|| WalkPlan::new::<f32, 1>(&made.0));
+    let plan = LazyCell::new(|| WalkPlan::new::<1>(&made.0));
     let operator = |strategy| Transport::new(made.0.clone(), &plan, strategy, u64::MAX).unwrap();
     let kept = LazyCell::new(|| operator(Strategy::Assembled));
     let walked = LazyCell::new(|| operator(Strategy::MatrixFree));

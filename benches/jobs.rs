@@ -18,12 +18,13 @@ use std::cell::LazyCell;
 use rates::{Rates, Work, by_the_clock};
 use scenes::field::Field;
 use scenes::volume::{Cloud, problem};
-use unscatter::cpu::{Storage, Transport, WalkPlan};
+use unscatter::cpu::Transport;
 use unscatter::march::LightMapTraversal;
-use unscatter::operator::{Blocks, CpuVector, Identity, LinearOperator, Stacked, Vector, adjoint_test};
-use unscatter::problem::{
-    LightMapProblem, TransportOperator, VolumeOperator, VolumeProblem, minimize, solve,
+use unscatter::operator::{
+    Blocks, CpuVector, Identity, LinearOperator, Stacked, Storage, TransportOperator, Vector, WalkPlan,
+    adjoint_test,
 };
+use unscatter::problem::{LightMapProblem, VolumeOperator, VolumeProblem, minimize, solve};
 use unscatter::scene::{Basis, Find, Interpolation, Quadrature, SolveSettings, Strategy};
 use unscatter::solve::{Beginning, Cgls, Control, LeastSquares, Limits, drive};
 
@@ -95,7 +96,7 @@ fn field(rates: &mut Rates, name: &str, basis: Basis) {
 }
 
 fn kept(traversal: &LightMapTraversal) -> Transport<LightMapTraversal, f32, 1> {
-    let plan = WalkPlan::new::<f32, 1>(traversal);
+    let plan = WalkPlan::new::<1>(traversal);
     Transport::new(traversal.clone(), &plan, Strategy::Assembled, u64::MAX).unwrap()
 }
 

@@ -11,11 +11,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use unscatter::cpu::{Transport, WalkPlan};
+use unscatter::cpu::Transport;
 use unscatter::io::image::write_png;
 use unscatter::march::{LightMapTransport, LightMapTraversal, ViewRay};
 use unscatter::operator::{
-    Blocks, Bounds, CpuVector, Identity, LinearOperator, Scaling, Stacked, Vector, adjoint_test,
+    Blocks, Bounds, CpuVector, Identity, LinearOperator, Scaling, Stacked, Vector, WalkPlan, adjoint_test,
 };
 use unscatter::scene::{
     Basis, Camera, Extent, FovAxis, Grid, Image, LightFrame, Medium, Quadrature, Strategy, look_at,
@@ -83,7 +83,7 @@ fn main() -> unscatter::Result<()> {
     let traversal = traversal()?;
 
     // T in f32, one weight for all three channels, its non-zeros kept.
-    let plan = WalkPlan::new::<f32, 1>(&traversal);
+    let plan = WalkPlan::new::<1>(&traversal);
     let operator: Transport<_, f32, 1> =
         Transport::new(traversal.clone(), &plan, Strategy::Assembled, u64::MAX)?;
     let (rows, texels) = (operator.range().len(), operator.domain().len());

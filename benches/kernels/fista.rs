@@ -7,11 +7,13 @@ use std::ops::Deref;
 use std::time::{Duration, Instant};
 
 use unscatter::Result;
-use unscatter::cpu::{self, Storage, TileMetric, Tiling, WalkPlan};
-use unscatter::gpu::{self, Gpu, GpuVector, Transport, Walked};
+use unscatter::cpu::{self, TileMetric};
+use unscatter::gpu::{self, DeviceOperator, Gpu, GpuVector, Walked};
 use unscatter::march::LightMapTraversal;
-use unscatter::operator::{CpuVector, LinearOperator, Metric, Vector};
-use unscatter::problem::{Formulation, Lattice, Start, System, SystemOperator, TransportOperator};
+use unscatter::operator::{
+    CpuVector, LinearOperator, Metric, Storage, TileBlocks, Tiling, TransportOperator, Vector, WalkPlan,
+};
+use unscatter::problem::{Formulation, Lattice, Start, System, SystemOperator};
 use unscatter::scene::{SolveSettings, Strategy};
 use unscatter::solve::{Beginning, Control, Fista, Limits, drive};
 
@@ -22,9 +24,9 @@ use crate::scenes::field::Field;
 
 /// Of `kept` and of `walked` rows.
 pub fn bench(rates: &mut Rates, group: &str, gpu: &Gpu, field: &Field) {
-    let kept = LazyCell::new(|| Rows::new(gpu, field, |rows| Transport::Kept(kept(gpu, rows))));
+    let kept = LazyCell::new(|| Rows::new(gpu, field, |rows| Box::new(kept(gpu, rows))));
     let walked = LazyCell::new(|| {
-        Rows::new(gpu, field, |rows| Transport::Walked(Walked::light_map(gpu, rows, false, false).unwrap()))
+        Rows::new(gpu, field, |rows| Box::new(Walked::light_map(gpu, rows, false, false).unwrap()))
     });
     // The metric is made from rows that are kept on the processor, and more than that has no room.
     if field.painted >= Field::LARGE.painted {
@@ -39,19 +41,23 @@ pub fn bench(rates: &mut Rates, group: &str, gpu: &Gpu, field: &Field) {
 /// Rows on an adapter, and on the processor, which makes the metric from them.
 struct Rows {
     gpu: Gpu,
-    transport: Transport,
+    products: Box<dyn DeviceOperator>,
     host: cpu::Transport<LightMapTraversal, f32, 1>,
     nonzeros: u64,
     metric_bytes: Cell<u64>,
 }
 
 impl Rows {
-    fn new(gpu: &Gpu, field: &Field, on_adapter: impl FnOnce(&LightMapTraversal) -> Transport) -> Self {
+    fn new(
+        gpu: &Gpu,
+        field: &Field,
+        on_adapter: impl FnOnce(&LightMapTraversal) -> Box<dyn DeviceOperator>,
+    ) -> Self {
         let traversal = field.traversal();
-        let plan = WalkPlan::new::<f32, 1>(&traversal);
+        let plan = WalkPlan::new::<1>(&traversal);
         Self {
             gpu: gpu.clone(),
-            transport: on_adapter(&traversal),
+            products: on_adapter(&traversal),
             host: cpu::Transport::new(traversal, &plan, Strategy::Auto, u64::MAX).unwrap(),
             nonzeros: plan.nonzeros,
             metric_bytes: Cell::new(0),
@@ -82,19 +88,19 @@ impl LinearOperator for Rows {
     type Range = GpuVector;
 
     fn domain(&self) -> GpuVector {
-        self.transport.domain()
+        self.products.domain()
     }
 
     fn range(&self) -> GpuVector {
-        self.transport.range()
+        self.products.range()
     }
 
     fn apply(&self, x: &GpuVector, y: &mut GpuVector) -> Result<()> {
-        self.transport.apply(x, y)
+        self.products.apply(x, y)
     }
 
     fn apply_adjoint(&self, y: &GpuVector, x: &mut GpuVector) -> Result<()> {
-        self.transport.apply_adjoint(y, x)
+        self.products.apply_adjoint(y, x)
     }
 }
 
@@ -113,7 +119,7 @@ impl TransportOperator for Rows {
     ) -> Result<Box<dyn Metric<GpuVector>>> {
         let metric = TileMetric::new(&self.host, tiling, weights, added)?;
         self.metric_bytes.set(metric.bytes());
-        Ok(Box::new(gpu::TileMetric::new(&self.gpu, added.len(), metric.blocks())?))
+        Ok(Box::new(gpu::TileMetric::new(&self.gpu, added.len(), metric.channels(), metric.blocks())?))
     }
 
     fn storage(&self) -> Storage {

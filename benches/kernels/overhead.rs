@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use unscatter::gpu::{Choice, Gpu, GpuVector, Transport, Walked};
+use unscatter::gpu::{Choice, Gpu, GpuVector, Walked};
 use unscatter::operator::{LinearOperator, Vector};
 
 use crate::rates::{Rates, Round, Work};
@@ -62,7 +62,7 @@ pub fn first_call(rates: &mut Rates, choice: &Choice) {
             let traversal = Field::TINY.traversal();
             let round: Round = Box::new(move || {
                 let gpu = Gpu::open(choice).unwrap();
-                let walked = Transport::Walked(Walked::light_map(&gpu, &traversal, false, false).unwrap());
+                let walked = Walked::light_map(&gpu, &traversal, false, false).unwrap();
                 let (x, mut y) = (walked.domain(), walked.range());
                 let mut apply = || {
                     walked.apply(&x, &mut y).unwrap();

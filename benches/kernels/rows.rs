@@ -6,10 +6,9 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use unscatter::Result;
-use unscatter::cpu::WalkPlan;
-use unscatter::gpu::{Gpu, GpuVector, Kept, Transport, Walked};
+use unscatter::gpu::{DeviceOperator, Gpu, GpuVector, Kept, Walked};
 use unscatter::march::{LightMapTraversal, Traversal, ViewRay};
-use unscatter::operator::{Blocks, Identity, LinearOperator, Stacked, Vector};
+use unscatter::operator::{Blocks, Identity, LinearOperator, Stacked, Vector, WalkPlan};
 use unscatter::problem::VolumeRows;
 use unscatter::scene::{Find, Interpolation};
 use unscatter::solve::{Beginning, Cgls, Control, LeastSquares, Limits, drive};
@@ -32,8 +31,8 @@ pub fn iterations(gpu: &Gpu) -> usize {
 pub fn light_map(rates: &mut Rates, group: &str, [gpu, near]: [&Gpu; 2], field: &Field) {
     let traversal = LazyCell::new(|| field.traversal());
     let nonzeros = LazyCell::new(|| foreseen(&*traversal));
-    let walked = |gpu, fixed| Transport::Walked(Walked::light_map(gpu, &traversal, false, fixed).unwrap());
-    let kept = LazyCell::new(|| Transport::Kept(kept(gpu, &*traversal)));
+    let walked = |gpu, fixed| Walked::light_map(gpu, &traversal, false, fixed).unwrap();
+    let kept = LazyCell::new(|| kept(gpu, &*traversal));
     let alone = LazyCell::new(|| walked(gpu, false));
     let beside = LazyCell::new(|| walked(near, false));
     let fixed = LazyCell::new(|| walked(gpu, true));
@@ -60,8 +59,8 @@ pub fn volumes(rates: &mut Rates, gpu: &Gpu, shrunk: usize) {
             rows
         });
         let nonzeros = LazyCell::new(|| foreseen(&*rows));
-        let walked = |fixed| Transport::Walked(Walked::volume(gpu, &rows, false, fixed).unwrap());
-        let kept = LazyCell::new(|| Transport::Kept(kept(gpu, &*rows)));
+        let walked = |fixed| Walked::volume(gpu, &rows, false, fixed).unwrap();
+        let kept = LazyCell::new(|| kept(gpu, &*rows));
         let alone = LazyCell::new(|| walked(false));
         let fixed = LazyCell::new(|| walked(true));
         let group = format!("volume, {name}");
@@ -78,7 +77,7 @@ pub fn volumes(rates: &mut Rates, gpu: &Gpu, shrunk: usize) {
 }
 
 fn foreseen(traversal: &impl Traversal<f64, 1>) -> u64 {
-    WalkPlan::new::<f32, 1>(traversal).nonzeros
+    WalkPlan::new::<1>(traversal).nonzeros
 }
 
 pub fn kept<T: Traversal<f64, 1> + Clone>(gpu: &Gpu, traversal: &T) -> Kept {
@@ -89,16 +88,12 @@ pub fn kept<T: Traversal<f64, 1> + Clone>(gpu: &Gpu, traversal: &T) -> Kept {
     Kept::new(gpu, table, met.len()).unwrap()
 }
 
-type Product = fn(&Transport, &mut GpuVector, &mut GpuVector) -> Result<()>;
+type Product = fn(&dyn DeviceOperator, &mut GpuVector, &mut GpuVector) -> Result<()>;
 
 const PRODUCTS: [(&str, Product); 3] = [
     ("gather", |operator, x, y| operator.apply(x, y)),
     ("scatter", |operator, x, y| operator.apply_adjoint(y, x)),
-    ("squares", |operator, x, y| match operator {
-        Transport::Kept(kept) => kept.squares(y, x),
-        Transport::Walked(walked) => walked.squares(y, x),
-        _ => unreachable!("neither kept nor walked"),
-    }),
+    ("squares", |operator, x, y| operator.squares(y, x).map(drop)),
 ];
 
 /// `matrix` is the work of one product without its vectors.
@@ -107,7 +102,7 @@ fn products(
     group: &str,
     (way, of): (&str, &[(&str, Product)]),
     gpu: &Gpu,
-    operator: &impl Deref<Target = Transport>,
+    operator: &impl Deref<Target: DeviceOperator + Sized>,
     matrix: &dyn Fn() -> Work,
 ) {
     for (product, apply) in of {
@@ -145,7 +140,7 @@ fn iteration(
     group: &str,
     way: &str,
     gpu: &Gpu,
-    operator: &impl Deref<Target = Transport>,
+    operator: &impl Deref<Target: DeviceOperator + Sized>,
     matrix: &dyn Fn() -> Work,
 ) {
     rates.bench(group, &format!("{way}: iteration"), || {
@@ -165,7 +160,7 @@ fn iteration(
 }
 
 /// Seconds that an iteration takes, and how often it waits.
-fn iterate(gpu: &Gpu, operator: &Transport) -> [f64; 2] {
+fn iterate(gpu: &Gpu, operator: &dyn DeviceOperator) -> [f64; 2] {
     let pull = Identity::scaled(&operator.domain(), [0.05; 3]);
     let stacked = Stacked::new(operator).over(pull).unwrap();
     let mut targets = operator.range();

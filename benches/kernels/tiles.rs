@@ -2,9 +2,9 @@
 
 use std::cell::LazyCell;
 
-use unscatter::cpu::{TileMetric, Tiling, Transport, WalkPlan};
+use unscatter::cpu::{TileMetric, Transport};
 use unscatter::gpu::{self, Gpu, GpuVector, surfaces_seen};
-use unscatter::operator::{Bounds, LinearOperator, Metric, Vector};
+use unscatter::operator::{Bounds, LinearOperator, Metric, TileBlocks, Tiling, Vector, WalkPlan};
 use unscatter::scene::Strategy;
 
 use crate::rates::{Rates, Work, by_the_clock};
@@ -25,13 +25,13 @@ const OPERATIONS: [(&str, u64, Operation); 3] = [
 pub fn bench(rates: &mut Rates, gpu: &Gpu, field: &Field) {
     let made = LazyCell::new(|| {
         let traversal = field.traversal();
-        let plan = WalkPlan::new::<f32, 1>(&traversal);
+        let plan = WalkPlan::new::<1>(&traversal);
         let kept = Transport::<_, f32, 1>::new(traversal, &plan, Strategy::Auto, u64::MAX).unwrap();
         let texels: Vec<u32> = (0..kept.domain().len() as u32).collect();
         let tiling = Tiling::new([field.map; 2], &texels);
         let (ones, added) = (vec![1.0; field.painted], vec![1e-6; texels.len()]);
         let metric = TileMetric::new(&kept, &tiling, &ones, &added).unwrap();
-        (gpu::TileMetric::new(gpu, texels.len(), metric.blocks()).unwrap(), metric.bytes())
+        (gpu::TileMetric::new(gpu, texels.len(), metric.channels(), metric.blocks()).unwrap(), metric.bytes())
     });
     for (name, vectors, operate) in OPERATIONS {
         rates.bench("metric", name, || {

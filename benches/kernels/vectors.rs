@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use unscatter::gpu::{DeviceSum, Gpu, GpuVector};
-use unscatter::operator::{Bounds, Indexed, Sum, Vector};
+use unscatter::operator::{Bounds, Indexed, PendingSum, Vector};
 
 use crate::rates::{Rates, Round, Work, by_the_clock};
 use crate::{COLOR, on_adapter};

@@ -17,9 +17,9 @@ use std::time::Instant;
 use glam::{DAffine3, DQuat, DVec3};
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use unscatter::cpu::{Transport, WalkPlan, near_medium};
+use unscatter::cpu::{Transport, near_medium};
 use unscatter::march::{Density, Part, PixelRays, Quantity, VolumeTransport, VolumeTraversal};
-use unscatter::operator::{CpuVector, LinearOperator};
+use unscatter::operator::{CpuVector, LinearOperator, WalkPlan};
 use unscatter::scene::{
     Camera, FovAxis, Interpolation, Quadrature, Samples, Strategy, Volume, VoxelGrid, VoxelSet, look_at,
 };
@@ -167,7 +167,7 @@ fn transport(density: Arc<Density>) -> VolumeTransport {
 /// Both products, kept and walked anew, after `made` seconds of set-up; and T x.
 fn products(traversal: VolumeTraversal, made: f64, x: &CpuVector) -> Result<(Value, CpuVector), Failure> {
     let clock = Instant::now();
-    let plan = WalkPlan::new::<f32, 1>(&traversal);
+    let plan = WalkPlan::new::<1>(&traversal);
     let planned = made + clock.elapsed().as_secs_f64();
     let mut measured = serde_json::Map::new();
     let mut shown = None;

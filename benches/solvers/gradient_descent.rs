@@ -1,8 +1,8 @@
 //! The yardstick: steepest descent with the exact step, no scaling.
 
 use unscatter::Result;
-use unscatter::operator::{CpuVector, LinearOperator, Vector};
-use unscatter::problem::{LightMapProblem, System, TransportOperator, measure};
+use unscatter::operator::{CpuVector, LinearOperator, TransportOperator, Vector};
+use unscatter::problem::{LightMapProblem, System, measure};
 use unscatter::scene::{MetricName, Scene, SolverName};
 use unscatter::solve::{LeastSquares, Live, Measure, Memory, Method, Vectors};
 

@@ -18,8 +18,8 @@ use std::time::Instant;
 
 use race::{Course, Race};
 use unscatter::io::scene_file;
-use unscatter::operator::{CpuVector, LinearOperator};
-use unscatter::problem::{LightMapProblem, System, TransportOperator, measure, method};
+use unscatter::operator::{CpuVector, LinearOperator, TransportOperator};
+use unscatter::problem::{LightMapProblem, System, measure, method};
 use unscatter::scene::{MetricName, Scene, SolverName};
 
 const SCENES: [&str; 3] = ["citadel", "forest", "nave"];

@@ -1,8 +1,10 @@
 //! Random sparse problems with rows that contradict each other: more rows than unknowns, fewer, and of low rank.
 
-use unscatter::cpu::{TileMetric, Tiling, Transport, WalkPlan};
+use unscatter::cpu::{TileMetric, Transport};
 use unscatter::march::{Traversal, Weight};
-use unscatter::operator::{Blocks, Bounds, CpuVector, Identity, LinearOperator, Scaling, Stacked, Vector};
+use unscatter::operator::{
+    Blocks, Bounds, CpuVector, Identity, LinearOperator, Scaling, Stacked, Tiling, Vector, WalkPlan,
+};
 use unscatter::problem::{measure, method};
 use unscatter::scene::{MetricName, SolverName, Strategy};
 use unscatter::solve::LeastSquares;
@@ -50,7 +52,7 @@ pub(crate) fn table(most: f64) {
     ] {
         println!("### {name}, x ≥ 0\n");
         let traversal = Runs { rows, elements, runs: 6, rank };
-        let plan = WalkPlan::new::<f32, 1>(&traversal);
+        let plan = WalkPlan::new::<1>(&traversal);
         let operator = Transport::<_, f32, 1>::new(traversal, &plan, Strategy::Auto, u64::MAX).unwrap();
         let coverage = operator.squares(&CpuVector(vec![[1.0; 3]; rows])).unwrap();
         let mean = coverage.0.iter().map(|texel| f64::from(texel[0])).sum::<f64>() / elements as f64;

@@ -1,7 +1,9 @@
 use std::ops::Range;
 
-/// Elements a block: bands begin and end at multiples of it.
-const BLOCK: usize = 64;
+use crate::operator::WalkPlan;
+
+/// Elements a block: bands begin and end at multiples of it, and a plan counts visits by it.
+const BLOCK: usize = WalkPlan::BLOCK;
 /// Bands that the work is shared among, at least and at most: enough for the threads of a workstation to balance.
 const SHARES: [u64; 2] = [8, 32];
 /// Non-zeros that a row should have in each band, so that they and not their offsets take the time.
@@ -27,8 +29,13 @@ pub(super) struct Bands {
 }
 
 impl Bands {
+    /// Bands for the rows of a plan.
+    pub(super) fn for_plan(plan: &WalkPlan) -> Self {
+        Self::balanced(plan.elements, &plan.visits, plan.sampled)
+    }
+
     /// Bands over elements whose blocks were visited as often as `visits` says, by so many rows.
-    pub(super) fn balanced(elements: usize, visits: &[u64], rows: usize) -> Self {
+    fn balanced(elements: usize, visits: &[u64], rows: usize) -> Self {
         let blocks = elements.div_ceil(BLOCK);
         let visits_of = |block: usize| visits.get(block).copied().unwrap_or(0);
         let visited = visits.iter().sum::<u64>();
@@ -56,16 +63,6 @@ impl Bands {
             first..end
         });
         Self { slots: slots.collect(), ranges, of_block }
-    }
-
-    /// In which block an element lies, for counting visits.
-    pub(super) fn block_of(element: usize) -> usize {
-        element / BLOCK
-    }
-
-    /// The number of blocks of so many elements.
-    pub(super) fn blocks(elements: usize) -> usize {
-        elements.div_ceil(BLOCK)
     }
 
     pub(super) fn len(&self) -> usize {
@@ -157,7 +154,7 @@ mod tests {
     fn bands_cover_every_element_once_and_know_their_own() {
         for elements in [1, 63, 64, 65, 1000, 64 * 40, 64 * 40 + 1, 3 * LONGEST + 5] {
             for seed in 0..5u64 {
-                let visits: Vec<u64> = (0..Bands::blocks(elements) as u64)
+                let visits: Vec<u64> = (0..elements.div_ceil(BLOCK) as u64)
                     .map(|block| (block * 7919 + seed) % 13 * seed)
                     .collect();
                 let bands = Bands::balanced(elements, &visits, 7);

@@ -1,9 +1,8 @@
 use rayon::prelude::*;
 
 use super::rows::{Padded, padded};
-use super::tiles::Rows;
 use crate::march::Weight;
-use crate::operator::{CpuVector, LinearOperator, expect_len};
+use crate::operator::{CpuVector, LinearOperator, MatrixRows, expect_len};
 use crate::{Error, Result};
 
 /// Rows that one task adds up: their number depends on the problem alone, so the sums do too.
@@ -90,7 +89,7 @@ fn four<const C: usize>(weight: &Weight<f32, C>) -> Padded<f32> {
     if C == 1 { [weight[0]; 4] } else { [weight[0], weight[1], weight[2], 0.0] }
 }
 
-impl<const C: usize> Rows<f32, C> for Dense<C> {
+impl<const C: usize> MatrixRows<f32, C> for Dense<C> {
     fn rows(&self) -> usize {
         self.rows
     }

@@ -6,13 +6,15 @@
 
 mod bands;
 mod dense;
+mod host;
 mod lighting;
 mod rows;
 mod tiles;
 mod transport;
 
 pub use dense::Dense;
+pub use host::HostOperator;
 pub use lighting::{Beam, light_columns, light_volume, near_medium};
-pub use tiles::{Rows, TileMetric, Tiling};
+pub use tiles::TileMetric;
 pub(crate) use transport::gather;
-pub use transport::{Storage, Transport, WalkPlan};
+pub use transport::{Transport, kept_bytes};

@@ -2,79 +2,15 @@ use rayon::prelude::*;
 
 use super::rows::{Padded, padded};
 use crate::march::{Real, Weight, channel};
-use crate::operator::{Bounds, CpuVector, Metric, NOWHERE, Scalars, TILE_SIDE as SIDE};
+use crate::operator::{
+    Bounds, CpuVector, MatrixRows, Metric, Scalars, TILE_SIDE as SIDE, TileBlocks, Tiling,
+};
 use crate::{Error, Result};
 
 /// Rows that are sorted by tile before the tiles add them up.
 const ROWS_AT_ONCE: usize = 4096;
 /// Tiles that one task adds up: enough tasks to share out, few enough that looking for their runs costs little.
 const SHARDS: usize = 32;
-
-/// The rows of a matrix, for [`TileMetric`].
-pub trait Rows<F, const C: usize>: Sync {
-    /// The number of rows.
-    fn rows(&self) -> usize;
-
-    /// Visits the non-zeros of a row in any order, each element at most once.
-    fn visit(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>));
-}
-
-/// Which tile an element belongs to: squares of 8 × 8 neighbours, or cubes of 4 × 4 × 4, of which only the unknown elements
-/// count.
-#[derive(Debug, Clone)]
-pub struct Tiling {
-    /// For every element its tile and its place there; the tile is `u32::MAX` where it is not unknown.
-    places: Vec<(u32, u8)>,
-    /// The unknowns of each tile, by their index among the unknowns.
-    members: Vec<Vec<u32>>,
-}
-
-impl Tiling {
-    /// Tiles over a lattice of so many elements along each of two axes, of which `columns` are unknown.
-    pub fn new(size: [usize; 2], columns: &[u32]) -> Self {
-        Self::placed(&size, size[0] * size[1], columns, columns)
-    }
-
-    /// Tiles over a lattice of so many places along each of its axes, the first running fastest, and over copies of it
-    /// behind: `columns` are the unknowns among so many `elements`, and `at` their places. Those that are [`NOWHERE`] share tiles in
-    /// their order.
-    pub fn placed(size: &[usize], elements: usize, columns: &[u32], at: &[u32]) -> Self {
-        // 64 members whatever the dimensions.
-        let side = if size.len() > 2 { SIDE / 2 } else { SIDE };
-        let mut places = vec![(u32::MAX, 0); elements];
-        let mut numbers = std::collections::HashMap::new();
-        let mut members: Vec<Vec<u32>> = Vec::new();
-        let mut without_place = 0;
-        for ((&column, &place), unknown) in columns.iter().zip(at).zip(0u32..) {
-            let (mut rest, mut tile, mut stride) = (place as usize, 0, 1);
-            for &length in size {
-                tile += rest % length / side * stride;
-                stride *= length.div_ceil(side);
-                rest /= length;
-            }
-            // What is left of the place counts the copies.
-            let mut key = tile + rest * stride;
-            if place == NOWHERE {
-                key = usize::MAX - without_place / (SIDE * SIDE);
-                without_place += 1;
-            }
-            let number = numbers.entry(key).or_insert(u32::MAX);
-            if *number == u32::MAX {
-                *number = members.len() as u32;
-                members.push(Vec::with_capacity(SIDE * SIDE));
-            }
-            let tile = &mut members[*number as usize];
-            places[column as usize] = (*number, tile.len() as u8);
-            tile.push(unknown);
-        }
-        Self { places, members }
-    }
-
-    /// Bytes that a metric over at most so many unknowns takes.
-    pub fn bytes<F, const C: usize>(unknowns: usize) -> u64 {
-        (unknowns * SIDE * SIDE * size_of::<[F; C]>()) as u64
-    }
-}
 
 /// A metric of dense blocks, one a tile: it majorizes Tᵀ diag(w) T, and knows how neighbours pull at each other.
 ///
@@ -117,8 +53,13 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
     /// Cost: one visit of all rows, and the square of its length inside a tile for every run.
     ///
     /// Errors: [`Error::Shape`] when there is not one weight a row, or not one addition an unknown.
-    pub fn new(rows: &impl Rows<F, C>, tiling: &Tiling, weights: &[f64], added: &[f64]) -> Result<Self> {
-        let unknowns = tiling.members.iter().map(Vec::len).sum();
+    pub fn new(
+        rows: &impl MatrixRows<F, C>,
+        tiling: &Tiling,
+        weights: &[f64],
+        added: &[f64],
+    ) -> Result<Self> {
+        let unknowns = tiling.members().iter().map(Vec::len).sum();
         if weights.len() != rows.rows() {
             return Err(Error::Shape { what: "the weights", expected: rows.rows(), got: weights.len() });
         }
@@ -126,7 +67,7 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
             return Err(Error::Shape { what: "the diagonal", expected: unknowns, got: added.len() });
         }
         let mut matrices: Vec<Vec<[F; C]>> =
-            tiling.members.iter().map(|members| vec![[F::zero(); C]; members.len().pow(2)]).collect();
+            tiling.members().iter().map(|members| vec![[F::zero(); C]; members.len().pow(2)]).collect();
         let at_once: Vec<usize> = (0..rows.rows()).collect();
         for batch in at_once.chunks(ROWS_AT_ONCE) {
             let runs: Vec<Runs<F, C>> =
@@ -137,7 +78,7 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
             });
         }
         let mut order = Vec::with_capacity(unknowns);
-        let tiles = matrices.into_iter().zip(&tiling.members).map(|(matrix, members)| {
+        let tiles = matrices.into_iter().zip(tiling.members()).map(|(matrix, members)| {
             order.extend_from_slice(members);
             Tile::new(matrix, members, added)
         });
@@ -148,16 +89,6 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
     /// Bytes that it takes.
     pub fn bytes(&self) -> u64 {
         self.tiles.iter().map(|tile| size_of_val(&tile.matrix[..]) as u64).sum()
-    }
-
-    /// Its blocks: the unknowns of each tile, and its matrix row by row.
-    pub fn blocks(&self) -> impl Iterator<Item = (&[u32], &[[F; C]])> {
-        let mut order = &self.order[..];
-        self.tiles.iter().map(move |tile| {
-            let (members, others) = order.split_at(tile.inverse.len());
-            order = others;
-            (members, &tile.matrix[..])
-        })
     }
 
     /// Lets every tile compute on its part of v, given which unknowns that are.
@@ -182,7 +113,7 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
 
 impl<F: Real, const C: usize> Runs<F, C> {
     /// The runs of some rows.
-    fn sorted(rows: &impl Rows<F, C>, tiling: &Tiling, weights: &[f64], of: &[usize]) -> Self {
+    fn sorted(rows: &impl MatrixRows<F, C>, tiling: &Tiling, weights: &[f64], of: &[usize]) -> Self {
         let mut found = Self { runs: Vec::new(), entries: Vec::new() };
         let mut open: Vec<(u32, [f64; C], Entries<F, C>)> = Vec::new();
         let mut spare: Vec<Entries<F, C>> = Vec::new();
@@ -190,10 +121,7 @@ impl<F: Real, const C: usize> Runs<F, C> {
         for &row in of.iter().filter(|&&row| weights[row] != 0.0) {
             let mut whole = [0.0; C];
             rows.visit(row, &mut |element, weight| {
-                let (tile, place) = tiling.places[element];
-                if tile == u32::MAX {
-                    return;
-                }
+                let Some((tile, place)) = tiling.place(element) else { return };
                 // A ray goes from tile to tile, so the one it is in is among the last.
                 let at = open.iter().rposition(|(open, ..)| *open == tile).unwrap_or_else(|| {
                     open.push((tile, [0.0; C], spare.pop().unwrap_or_default()));
@@ -296,6 +224,21 @@ impl<F: Real, const C: usize> Tile<F, C> {
 
 /// Room for one tile.
 type Room<F> = [Padded<F>; SIDE * SIDE];
+
+impl<const C: usize> TileBlocks for TileMetric<f32, C> {
+    fn channels(&self) -> usize {
+        C
+    }
+
+    fn blocks(&self) -> Box<dyn Iterator<Item = (&[u32], &[f32])> + '_> {
+        let mut order = &self.order[..];
+        Box::new(self.tiles.iter().map(move |tile| {
+            let (members, others) = order.split_at(tile.inverse.len());
+            order = others;
+            (members, tile.matrix.as_flattened())
+        }))
+    }
+}
 
 impl<F: Real, const C: usize> Metric<CpuVector<F>> for TileMetric<F, C> {
     fn stretch(&self, v: &mut CpuVector<F>) {

@@ -5,14 +5,11 @@ use rayon::prelude::*;
 
 use super::bands::Bands;
 use super::rows::{CHUNK, Chunk, Padded, padded};
-use super::tiles::Rows;
 use crate::march::{Real, Traversal, Weight, channel};
-use crate::operator::{CpuVector, LinearOperator, expect_len};
+use crate::operator::{CpuVector, LinearOperator, MatrixRows, Storage, WalkPlan, expect_len};
 use crate::scene::Strategy;
 use crate::{Error, Result};
 
-/// Rows that are walked to foresee how long the others are.
-const SAMPLES: usize = 4096;
 /// Memory for rows that are walked anew by a scatter, in bytes: small enough to stay near the processor.
 const WALKED_AT_ONCE: u64 = 24 << 20;
 /// Elements that are so few that most rows meet many of them: by bands their sums would be long, and made by few tasks.
@@ -22,61 +19,17 @@ const CHUNKS_AT_ONCE: usize = 64;
 /// Elements that one task copies.
 const PIECE: usize = 1 << 14;
 
-/// What walking the rows of a traversal will take, foreseen from a sample of them.
-#[derive(Debug, Clone)]
-pub struct WalkPlan {
-    bands: Bands,
-    /// Foreseen number of non-zeros.
-    pub nonzeros: u64,
-    /// Bytes that keeping all non-zeros would take.
-    pub bytes: u64,
+/// Bytes that keeping all non-zeros takes on the processor, foreseen; `channels` weights of an `F` each.
+pub fn kept_bytes<F>(plan: &WalkPlan, channels: usize) -> u64 {
+    bytes_in::<F>(&Bands::for_plan(plan), plan, channels)
 }
 
-impl WalkPlan {
-    /// Walks every few rows of a traversal, at most 4096 of them.
-    pub fn new<F: Real, const C: usize>(traversal: &impl Traversal<f64, C>) -> Self {
-        let (rows, elements) = (traversal.rows(), traversal.elements());
-        let stride = rows.div_ceil(SAMPLES).max(1);
-        let sampled: Vec<usize> = (0..rows).step_by(stride).collect();
-        let counts: Vec<Vec<u64>> = sampled
-            .par_chunks(256)
-            .map(|rows| {
-                let mut visits = vec![0u64; Bands::blocks(elements)];
-                for &row in rows {
-                    traversal.walk(row, &mut |element, _| visits[Bands::block_of(element)] += 1);
-                }
-                visits
-            })
-            .collect();
-        let mut visits = vec![0u64; Bands::blocks(elements)];
-        counts
-            .iter()
-            .flat_map(|count| count.iter().enumerate())
-            .for_each(|(block, count)| visits[block] += count);
-        let bands = Bands::balanced(elements, &visits, sampled.len());
-        let per_row = visits.iter().sum::<u64>() as f64 / sampled.len().max(1) as f64;
-        let nonzeros = (per_row * rows as f64).ceil();
-        // A row has a run in every band at most, and none without a non-zero.
-        let runs = rows as f64 * per_row.min(bands.len() as f64);
-        let starts = rows.div_ceil(CHUNK) * (bands.len() + 1) * size_of::<u32>();
-        let bytes = nonzeros * (size_of::<u16>() + size_of::<[F; C]>()) as f64 + 8.0 * runs + starts as f64;
-        Self { bands, nonzeros: nonzeros as u64, bytes: bytes as u64 }
-    }
-}
-
-/// How much of an operator is kept and how much is walked again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Storage {
-    /// Rows whose non-zeros are kept.
-    pub kept_rows: usize,
-    /// Rows that are walked in every application.
-    pub walked_rows: usize,
-    /// Non-zeros of the kept rows; not those of rows that are walked.
-    pub kept_nonzeros: u64,
-    /// Bytes that the kept rows take.
-    pub bytes: u64,
-    /// Whether the rows are those of one factor of T: what light volumes scatter.
-    pub of_light_volumes: bool,
+fn bytes_in<F>(bands: &Bands, plan: &WalkPlan, channels: usize) -> u64 {
+    // A row has a run in every band at most, and none without a non-zero.
+    let runs = plan.rows as f64 * plan.nonzeros_a_row().min(bands.len() as f64);
+    let starts = plan.rows.div_ceil(CHUNK) * (bands.len() + 1) * size_of::<u32>();
+    let nonzero = size_of::<u16>() + channels * size_of::<F>();
+    (plan.nonzeros as f64 * nonzero as f64 + 8.0 * runs + starts as f64) as u64
 }
 
 /// `T` of a traversal as an operator: kept where memory allows, walked again where not.
@@ -104,24 +57,26 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     /// Errors: [`Error::TooLarge`] when all rows must be kept and do not fit.
     pub fn new(traversal: T, plan: &WalkPlan, strategy: Strategy, budget: u64) -> Result<Self> {
         let rows = traversal.rows();
+        let bands = Bands::for_plan(plan);
+        let bytes = bytes_in::<F>(&bands, plan, C);
         let kept_rows = match strategy {
             Strategy::MatrixFree => 0,
-            _ if plan.bytes <= budget => rows,
+            _ if bytes <= budget => rows,
             Strategy::Assembled => {
                 return Err(Error::TooLarge {
                     what: "the assembled transport".to_owned(),
-                    needed: format!("{} bytes", plan.bytes),
+                    needed: format!("{bytes} bytes"),
                     limit: format!("{budget} bytes"),
                     remedy: "raise --memory, lower the sizes, or choose the strategy `auto` or `matrix-free`",
                 });
             }
-            Strategy::Auto => (rows as f64 * budget as f64 / plan.bytes as f64) as usize / CHUNK * CHUNK,
+            Strategy::Auto => (rows as f64 * budget as f64 / bytes as f64) as usize / CHUNK * CHUNK,
         };
-        let bytes_a_row = plan.bytes / rows.max(1) as u64 + 1;
+        let bytes_a_row = bytes / rows.max(1) as u64 + 1;
         let rows_at_once = (WALKED_AT_ONCE / bytes_a_row) as usize / CHUNK * CHUNK;
         let mut transport = Self {
             traversal,
-            bands: plan.bands.clone(),
+            bands,
             kept: Vec::new(),
             first_walked: kept_rows,
             rows_at_once: rows_at_once.max(4 * CHUNK),
@@ -251,7 +206,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     }
 }
 
-impl<T: Traversal<f64, C>, F: Real, const C: usize> Rows<F, C> for Transport<T, F, C> {
+impl<T: Traversal<f64, C>, F: Real, const C: usize> MatrixRows<F, C> for Transport<T, F, C> {
     fn rows(&self) -> usize {
         self.traversal.rows()
     }

@@ -6,12 +6,12 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec2, DVec3};
 
 use super::adapter::{AdapterRecord, Choice};
-use super::{Gpu, GpuVector, Kept, RowTable, TileMetric, Walked};
+use super::{Gpu, GpuVector, Kept, TileMetric, Walked};
 use crate::march::{
     Density, LightMapTransport, LightMapTraversal, Part, PixelRays, Quantity, Traversal, ViewRay,
     VolumeTransport, VolumeTraversal,
 };
-use crate::operator::{Bounds, LinearOperator, Metric, Vector};
+use crate::operator::{Bounds, LinearOperator, Metric, RowTable, Vector};
 use crate::scene::{
     Basis, Camera, Extent, FovAxis, Grid, Interpolation, Quadrature, Samples, Volume, VoxelGrid, look_at,
 };
@@ -92,19 +92,19 @@ fn kept_rows(gpu: &Gpu, ones: usize) -> Result<()> {
 fn tiles(gpu: &Gpu) -> Result<()> {
     const SIDE: usize = 16;
     let members: Vec<u32> = (0..SIDE as u32).rev().collect();
-    let matrix = |entry: fn(usize, usize) -> f32| -> Vec<[f32; 1]> {
-        (0..SIDE * SIDE).map(|k| [entry(k / SIDE, k % SIDE)]).collect()
+    let matrix = |entry: fn(usize, usize) -> f32| -> Vec<f32> {
+        (0..SIDE * SIDE).map(|k| entry(k / SIDE, k % SIDE)).collect()
     };
     let dense = matrix(|row, column| ((row + column) % 5) as f32);
     let diagonal = matrix(|row, column| if row == column { 4.0 } else { 0.0 });
-    let metric = |matrix: &[[f32; 1]]| TileMetric::new(gpu, SIDE, [(&members[..], matrix)].into_iter());
+    let metric = |matrix: &[f32]| TileMetric::new(gpu, SIDE, 1, [(&members[..], matrix)].into_iter());
     let start = &counted()[..SIDE];
     let mut v = GpuVector::zeros(gpu, SIDE);
     v.set_from_host(start)?;
     metric(&dense)?.stretch(&mut v);
     let from_behind = |k: usize| SIDE - 1 - k;
     let of = |row: usize, c: usize| -> f64 {
-        (0..SIDE).map(|k| f64::from(dense[from_behind(row) * SIDE + from_behind(k)][0]) * start[k][c]).sum()
+        (0..SIDE).map(|k| f64::from(dense[from_behind(row) * SIDE + from_behind(k)]) * start[k][c]).sum()
     };
     let expected: Vec<_> = (0..SIDE).map(|row| [of(row, 0), of(row, 1), of(row, 2)]).collect();
     agree(gpu, "a product with tiles", &v.to_host()?, &expected, 0.0)?;

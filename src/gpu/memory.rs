@@ -28,7 +28,7 @@ pub(super) struct Allocation {
 
 /// Memory of the device that is kept free for what comes later.
 #[derive(Debug)]
-pub struct Reserve {
+pub(super) struct Reserve {
     _taken: Vec<Allocation>,
 }
 
@@ -161,7 +161,7 @@ impl Gpu {
     /// Takes so many bytes for as long as what is given is kept, so that others leave them free.
     ///
     /// Errors: [`Error::AdapterMemory`].
-    pub fn reserve(&self, bytes: u64) -> Result<Reserve> {
+    pub(super) fn reserve(&self, bytes: u64) -> Result<Reserve> {
         let limit = self.0.record.buffer_limit.max(4);
         let parts = (0..bytes.div_ceil(limit)).map(|part| (bytes - part * limit).min(limit));
         let taken =

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use super::Gpu;
 use super::recorder::Binding;
-use crate::operator::{Scalars, Sum};
+use crate::operator::{PendingSum, Scalars};
 use crate::{Error, Result};
 
 /// Numbers that can be under way at once.
@@ -67,7 +67,7 @@ pub struct DeviceSum {
     answer: Rc<Cell<Option<Scalars>>>,
 }
 
-impl Sum for DeviceSum {
+impl PendingSum for DeviceSum {
     fn value(self) -> Result<Scalars> {
         if self.answer.get().is_none() {
             self.gpu.fetch()?;

@@ -30,13 +30,14 @@ struct TileSlab {
 }
 
 impl TileMetric {
-    /// From blocks: the unknowns of each, and its symmetric matrix, row by row, one weight or one a channel an entry.
+    /// From the blocks of [`TileBlocks`](crate::operator::TileBlocks), with so many `channels`.
     ///
     /// Errors: [`Error::AdapterMemory`]; [`Error::TooLarge`] for vectors that a kernel cannot see channel by channel.
-    pub fn new<'a, const C: usize>(
+    pub fn new<'a>(
         gpu: &Gpu,
         unknowns: usize,
-        blocks: impl Iterator<Item = (&'a [u32], &'a [[f32; C]])>,
+        channels: usize,
+        blocks: impl Iterator<Item = (&'a [u32], &'a [f32])>,
     ) -> Result<Self> {
         let longest = (unknowns * size_of::<f32>()) as u64;
         if longest > gpu.binding_limit() {
@@ -51,18 +52,18 @@ impl TileMetric {
         let (mut tiles, mut members, mut matrices) = (Vec::new(), Vec::new(), Vec::new());
         let mut slabs = Vec::new();
         for (block, matrix) in blocks {
-            if matrices.len() + C * matrix.len() > at_once {
+            if matrices.len() + matrix.len() > at_once {
                 slabs.push(TileSlab::new(gpu, &tiles, &members, &matrices)?);
                 (tiles, members, matrices) = (Vec::new(), Vec::new(), Vec::new());
             }
-            tiles.push([(matrices.len() / C) as u32, members.len() as u32, block.len() as u32, 0]);
+            tiles.push([(matrices.len() / channels) as u32, members.len() as u32, block.len() as u32, 0]);
             members.extend_from_slice(block);
-            matrices.extend(matrix.as_flattened());
+            matrices.extend_from_slice(matrix);
         }
         if !tiles.is_empty() {
             slabs.push(TileSlab::new(gpu, &tiles, &members, &matrices)?);
         }
-        Ok(Self { gpu: gpu.clone(), colored: C == 3, slabs, unused: gpu.try_allocate("nothing", 4)? })
+        Ok(Self { gpu: gpu.clone(), colored: channels == 3, slabs, unused: gpu.try_allocate("nothing", 4)? })
     }
 
     fn each(&self, operation: TileOperation, v: &GpuVector, y: Option<&GpuVector>, params: Tiles) {

@@ -9,7 +9,7 @@ use super::layout::VectorParams;
 use super::memory::Allocation;
 use super::recorder::Binding;
 use super::sums::{DeviceSum, Fold, Pieces};
-use crate::operator::{Bounds, Indexed, Scalars, Sum, Vector};
+use crate::operator::{Bounds, Indexed, PendingSum, Scalars, Vector};
 use crate::{Error, Result};
 
 /// Numbers between two places where a binding may begin.

@@ -2,13 +2,13 @@
 
 use std::cell::RefCell;
 
-use super::Gpu;
 use super::fixed_point::{Accumulation, FixedSums};
 use super::recorder::Binding;
 use super::vector::{GpuVector, Slab};
 use super::walk::Consumer;
+use super::{DeviceOperator, Gpu};
 use crate::Result;
-use crate::operator::{LinearOperator, Vector, expect_len};
+use crate::operator::{LinearOperator, Storage, Vector, expect_len};
 
 /// Rays on the device, and what they are walked through.
 pub(super) trait Rays: std::fmt::Debug {
@@ -57,13 +57,6 @@ impl Walked {
     /// How sums are made where rays meet.
     pub fn accumulation(&self) -> Accumulation {
         self.accumulation
-    }
-
-    /// x ← diag(Tᵀ diag(y) T).
-    ///
-    /// Errors: [`crate::Error::Shape`] when a vector does not fit, and what has gone wrong on the device.
-    pub fn squares(&self, y: &GpuVector, x: &mut GpuVector) -> Result<()> {
-        self.deposit(Consumer::Squares(self.accumulation), y, x, self.rays.row_sums(2))
     }
 
     fn deposit(&self, consumer: Consumer, y: &GpuVector, x: &mut GpuVector, row_sums: f64) -> Result<()> {
@@ -117,5 +110,20 @@ impl LinearOperator for Walked {
 
     fn apply_adjoint(&self, y: &GpuVector, x: &mut GpuVector) -> Result<()> {
         self.deposit(Consumer::Scatter(self.accumulation), y, x, self.rays.row_sums(1))
+    }
+}
+
+impl DeviceOperator for Walked {
+    fn squares(&self, y: &GpuVector, x: &mut GpuVector) -> Result<bool> {
+        self.deposit(Consumer::Squares(self.accumulation), y, x, self.rays.row_sums(2))?;
+        Ok(true)
+    }
+
+    fn is_deterministic(&self) -> bool {
+        self.accumulation == Accumulation::Fixed
+    }
+
+    fn storage(&self) -> Storage {
+        Storage { walked_rows: self.rays.shape()[0], ..Storage::default() }
     }
 }

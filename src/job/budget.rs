@@ -1,8 +1,8 @@
 //! What a light-map solve takes, and what it may take.
 
 use super::machine;
-use crate::cpu::Tiling;
 use crate::march::Surroundings;
+use crate::operator::Tiling;
 use crate::problem::{Constraint, LightMapProblem, constraints};
 use crate::scene::{MetricName, Scene, SolveSettings};
 use crate::{Error, Result};

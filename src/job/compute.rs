@@ -5,11 +5,8 @@ use std::time::{Duration, Instant};
 use super::checkpoint::Keeper;
 use super::observer::Wish;
 use super::steps::Steps;
-use crate::cpu::Storage;
-use crate::operator::{CpuVector, adjoint_test};
-use crate::problem::{
-    Assessment, Assessor, LightMapProblem, Paused, Snapshot, Solved, TransportOperator, solve,
-};
+use crate::operator::{CpuVector, Storage, TransportOperator, adjoint_test};
+use crate::problem::{Assessment, Assessor, LightMapProblem, Paused, Snapshot, Solved, solve};
 use crate::report::Work;
 use crate::scene::{Rgb, Scene, SolveSettings};
 use crate::solve::{Control, History};
@@ -198,10 +195,7 @@ impl Task<'_> {
         steps: &mut Steps<'_>,
         preview: &dyn Fn(&[Rgb]) -> Result<()>,
     ) -> Result<Computed> {
-        use crate::problem::GpuLightMapOperator;
-        let make = || {
-            GpuLightMapOperator::new(gpu, self.problem, self.settings.strategy, self.budget()?, deterministic)
-        };
+        let make = || self.problem.on_gpu(gpu, self.settings.strategy, self.budget()?, deterministic);
         let mut trips = Vec::new();
         let mut each = || trips.push(gpu.round_trips());
         let record = gpu.record();

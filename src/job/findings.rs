@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use super::compute::Computed;
 use super::steps::Timings;
 use super::{budget, machine};
-use crate::cpu::Storage;
+use crate::operator::Storage;
 use crate::problem::{LightMapProblem, Weights};
 use crate::report::{
     Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord,

@@ -6,10 +6,9 @@ use glam::DAffine3;
 
 use super::observer::Stop;
 use super::{Job, budget};
-use crate::operator::CpuVector;
+use crate::operator::{CpuVector, TransportOperator};
 use crate::problem::{
-    Begin, LightMapOperator, LightMapProblem, Paused, Traced, TransportOperator, fit, minimize_from, paint,
-    pixels, render,
+    Begin, LightMapOperator, LightMapProblem, Paused, Traced, fit, minimize_from, paint, pixels, render,
 };
 use crate::scene::{Image, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View};
 use crate::solve::StopReason;

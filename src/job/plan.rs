@@ -82,7 +82,7 @@ pub(super) fn plan(scene: &Scene, steps: &mut Steps<'_>) -> Result<LightMapPlan>
     let rows = problem.constraints.len();
     let kept = match settings.strategy {
         Strategy::MatrixFree => 0.0,
-        _ => (budget as f64 / problem.plan.bytes.max(1) as f64).min(1.0),
+        _ => (budget as f64 / problem.kept_bytes().max(1) as f64).min(1.0),
     };
     let extents = (0..rows).map(|row| problem.traversal.extent(row));
     let (texels, lit_texels) =
@@ -96,7 +96,7 @@ pub(super) fn plan(scene: &Scene, steps: &mut Steps<'_>) -> Result<LightMapPlan>
         surrounding_unknowns: problem.further_start.len(),
         surrounding_bytes: budget::surrounding_bytes(scene, &problem),
         nonzeros: problem.plan.nonzeros,
-        matrix_bytes: problem.plan.bytes,
+        matrix_bytes: problem.kept_bytes(),
         other_bytes: budget::fixed_bytes(scene, &settings, &problem),
         budget_bytes: settings.memory.unwrap_or_else(machine::default_budget),
         strategy: strategy(kept),

@@ -6,19 +6,13 @@ use serde::Serialize;
 
 use crate::Result;
 #[cfg(feature = "gpu")]
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, GpuOperator};
 use crate::job::{
     Engine, EngineChoice, Job, Observer, Scenes, Step, Steps, Stop, geometry_of, painted, problems,
 };
 use crate::march::Traversal;
-use crate::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
-#[cfg(feature = "gpu")]
-use crate::problem::VolumeRows;
-#[cfg(feature = "gpu")]
-use crate::problem::{GpuLightMapOperator, GpuOperator};
-use crate::problem::{
-    LightMapOperator, LightMapProblem, Traced, TransportOperator, VolumeOperator, VolumeProblem,
-};
+use crate::operator::{CpuVector, LinearOperator, TransportOperator, Vector, adjoint_test};
+use crate::problem::{LightMapOperator, LightMapProblem, Traced, VolumeOperator, VolumeProblem};
 use crate::scene::{Rgb, Strategy};
 use crate::sparse::ExplicitMatrix;
 use crate::visibility::Geometry;
@@ -65,8 +59,6 @@ pub struct Checked {
 /// A problem whose operator can be checked.
 trait Checkable {
     type Host: TransportOperator;
-    #[cfg(feature = "gpu")]
-    type Device: TransportOperator;
 
     /// A few of its rows.
     fn rows(&self) -> usize;
@@ -75,13 +67,11 @@ trait Checkable {
     fn explicit(&self) -> Result<ExplicitMatrix>;
     fn on_cpu(&self, strategy: Strategy) -> Result<Self::Host>;
     #[cfg(feature = "gpu")]
-    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<Self::Device>;
+    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<GpuOperator>;
 }
 
 impl Checkable for LightMapProblem {
     type Host = LightMapOperator;
-    #[cfg(feature = "gpu")]
-    type Device = GpuLightMapOperator;
 
     fn rows(&self) -> usize {
         self.constraints.len()
@@ -104,15 +94,13 @@ impl Checkable for LightMapProblem {
     }
 
     #[cfg(feature = "gpu")]
-    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<GpuLightMapOperator> {
-        GpuLightMapOperator::new(gpu, self, strategy, u64::MAX, deterministic)
+    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<GpuOperator> {
+        LightMapProblem::on_gpu(self, gpu, strategy, u64::MAX, deterministic)
     }
 }
 
 impl Checkable for VolumeProblem {
     type Host = VolumeOperator;
-    #[cfg(feature = "gpu")]
-    type Device = GpuOperator<VolumeRows>;
 
     fn rows(&self) -> usize {
         self.targets.len()
@@ -135,8 +123,8 @@ impl Checkable for VolumeProblem {
     }
 
     #[cfg(feature = "gpu")]
-    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<GpuOperator<VolumeRows>> {
-        GpuOperator::of_volume(gpu, self, strategy, u64::MAX, deterministic)
+    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<GpuOperator> {
+        VolumeProblem::on_gpu(self, gpu, strategy, u64::MAX, deterministic)
     }
 }
 

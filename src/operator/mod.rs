@@ -3,28 +3,37 @@
 //! Everything is generic over the vectors, so one solver serves every backend. A vector holds three
 //! channels an element, and scalars come as one number a channel: three problems are solved side by side.
 
-mod added;
 mod adjoint;
 mod bounds;
+mod composed;
 mod cpu_vector;
 mod metric;
 mod neighbours;
-mod product;
 mod restricted;
+mod row_table;
 mod scaled;
 mod stacked;
+mod sum;
+mod tiling;
+mod transport;
+mod walk_plan;
 mod weighted;
 
-pub use added::Added;
 pub use adjoint::{AdjointTest, adjoint_test};
 pub use bounds::Bounds;
+pub use composed::Composed;
 pub use cpu_vector::CpuVector;
 pub use metric::{Metric, Scaling};
 pub use neighbours::{Gradient, Laplacian, Neighbours};
-pub use product::Product;
 pub use restricted::Restricted;
+pub use row_table::{MatrixRows, RowTable};
 pub use scaled::{Identity, Scaled};
 pub use stacked::{BlockSum, Blocks, Stacked};
+pub use sum::Sum;
+pub use tiling::{TileBlocks, Tiling};
+pub use transport::{HostRows, Storage, TransportOperator};
+pub(crate) use transport::{brought, fetched};
+pub use walk_plan::WalkPlan;
 pub use weighted::Weighted;
 
 use std::sync::Arc;
@@ -38,12 +47,12 @@ pub type Scalars = [f64; 3];
 pub const TILE_SIDE: usize = 8;
 
 /// A number a channel that may still be under way on a device.
-pub trait Sum {
+pub trait PendingSum {
     /// Waits for it, and for all that was asked for before it.
     fn value(self) -> Result<Scalars>;
 }
 
-impl Sum for Scalars {
+impl PendingSum for Scalars {
     fn value(self) -> Result<Scalars> {
         Ok(self)
     }
@@ -54,7 +63,7 @@ impl Sum for Scalars {
 /// What a device is told to do it does later; where it fails, the next method that returns a result says so.
 pub trait Vector: Sized {
     /// What a sum over the elements is until it is asked for: to ask for several together costs one wait.
-    type Sum: Sum;
+    type Sum: PendingSum;
 
     /// The number of elements (each of three channels).
     fn len(&self) -> usize;
@@ -230,6 +239,28 @@ impl<T: LinearOperator + ?Sized> LinearOperator for Box<T> {
     }
 
     fn apply_adjoint(&self, y: &Self::Range, x: &mut Self::Domain) -> Result<()> {
+        (**self).apply_adjoint(y, x)
+    }
+}
+
+/// An operator that is shared.
+impl<O: LinearOperator> LinearOperator for Arc<O> {
+    type Domain = O::Domain;
+    type Range = O::Range;
+
+    fn domain(&self) -> O::Domain {
+        (**self).domain()
+    }
+
+    fn range(&self) -> O::Range {
+        (**self).range()
+    }
+
+    fn apply(&self, x: &O::Domain, y: &mut O::Range) -> Result<()> {
+        (**self).apply(x, y)
+    }
+
+    fn apply_adjoint(&self, y: &O::Range, x: &mut O::Domain) -> Result<()> {
         (**self).apply_adjoint(y, x)
     }
 }

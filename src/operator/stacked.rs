@@ -1,6 +1,6 @@
 use std::cell::RefCell;
 
-use super::{Bounds, LinearOperator, Scalars, Sum, Vector};
+use super::{Bounds, LinearOperator, PendingSum, Scalars, Vector};
 use crate::{Error, Result};
 
 /// Blocks of a stack at most: the data and what may regularize them.
@@ -114,7 +114,7 @@ impl<V: Vector> Blocks<V> {
 #[derive(Debug)]
 pub struct BlockSum<S>([Option<S>; MOST_BLOCKS]);
 
-impl<S: Sum> Sum for BlockSum<S> {
+impl<S: PendingSum> PendingSum for BlockSum<S> {
     fn value(self) -> Result<Scalars> {
         self.0.into_iter().flatten().try_fold([0.0; 3], |sum, part| {
             let part = part.value()?;

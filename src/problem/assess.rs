@@ -1,5 +1,6 @@
-use super::{LightMapProblem, TransportOperator};
+use super::LightMapProblem;
 use crate::Result;
+use crate::operator::TransportOperator;
 use crate::scene::Rgb;
 
 /// Less saturation than this, from 0 to 1, has no hue to speak of.

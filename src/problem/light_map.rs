@@ -5,14 +5,20 @@ use rayon::prelude::*;
 use super::extents::fit_to;
 use super::surfaces::lengths;
 use super::surroundings::Shown;
-use super::transport::LightMapOperator;
 use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints, evenly};
-use crate::cpu::WalkPlan;
+use crate::cpu::{HostOperator, kept_bytes};
+#[cfg(feature = "gpu")]
+use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
 use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use crate::operator::{Bounds, CpuVector};
+use crate::operator::{Bounds, CpuVector, WalkPlan};
+#[cfg(feature = "gpu")]
+use crate::operator::{HostRows, RowTable, Sum};
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
 use crate::visibility::Geometry;
 use crate::{Error, Result};
+
+/// `T` of a light-map problem on the CPU in f32.
+pub type LightMapOperator = HostOperator<LightMapTraversal>;
 
 /// The painted pixels of a scene as rows, and what they should become.
 ///
@@ -85,7 +91,7 @@ impl LightMapProblem {
         let targets =
             rows.map(|((pixel, white), around)| target(scene.target, pixel, white, around)).collect();
         let grey = scene.medium.is_grey() && traversal.surroundings().is_none_or(|shown| shown.is_grey());
-        let plan = plan(&traversal, grey);
+        let plan = WalkPlan::of(&traversal, grey);
         let further_start = scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(start));
         Ok(Self {
             constraints,
@@ -162,6 +168,32 @@ impl LightMapProblem {
         LightMapOperator::new(self.traversal.clone(), self.grey, &self.plan, strategy, budget)
     }
 
+    /// T on a graphics adapter: all rows kept there where `strategy` and the `budget` in bytes allow, else walked there, with kept
+    /// rows of what they show beside their texels. `deterministic` sums are the same in every run.
+    ///
+    /// Errors: [`Error::TooLarge`] when all rows must be kept and exceed the budget, [`Error::AdapterMemory`];
+    /// [`Error::Unsupported`] for light whose squares f32 does not hold.
+    #[cfg(feature = "gpu")]
+    pub fn on_gpu(
+        &self,
+        gpu: &Gpu,
+        strategy: Strategy,
+        budget: u64,
+        deterministic: bool,
+    ) -> Result<GpuOperator> {
+        check_brightness(gpu, self.start)?;
+        let on_host =
+            |strategy| -> Result<Box<dyn HostRows>> { Ok(Box::new(self.operator_with(strategy, u64::MAX)?)) };
+        let walked = || -> Result<Box<dyn DeviceOperator>> {
+            let walked = Walked::light_map(gpu, &self.traversal, !self.grey, deterministic)?;
+            let Some(beside) = self.traversal.beside() else { return Ok(Box::new(walked)) };
+            let beside = Kept::new(gpu, RowTable::walked(&beside, self.grey), self.elements())?;
+            Ok(Box::new(Sum::new(walked, beside)?))
+        };
+        let channels = if self.grey { 1 } else { 3 };
+        GpuOperator::new(gpu, (&self.plan, channels), (strategy, budget), &on_host, &walked)
+    }
+
     /// The radiance that a row should have, all told.
     pub fn wanted(&self, row: usize) -> Rgb {
         rgb(|c| self.targets[row][c] + self.surroundings[row][c])
@@ -197,10 +229,15 @@ impl LightMapProblem {
             rule: self.rule,
             start: self.start,
             further_start: self.further_start.clone(),
-            plan: plan(&traversal, self.grey),
+            plan: WalkPlan::of(&traversal, self.grey),
             grey: self.grey,
             traversal,
         }
+    }
+
+    /// Bytes that keeping all rows takes on the processor, foreseen.
+    pub fn kept_bytes(&self) -> u64 {
+        kept_bytes::<f32>(&self.plan, if self.grey { 1 } else { 3 })
     }
 
     /// Whether one weight serves all channels.
@@ -238,6 +275,25 @@ impl LightMapProblem {
             remedy: "raise medium.sigma_t or medium.albedo",
         })
     }
+}
+
+/// Sums of squares are made in f32 on an adapter: those of fainter light would be zero, and of brighter light infinite.
+///
+/// Errors: [`Error::Unsupported`].
+#[cfg(feature = "gpu")]
+fn check_brightness(gpu: &Gpu, light: Rgb) -> Result<()> {
+    const HELD: std::ops::RangeInclusive<f32> = 1e-15..=1e15;
+    let brightest = light.into_iter().fold(0.0, f32::max);
+    if brightest == 0.0 || HELD.contains(&brightest) {
+        return Ok(());
+    }
+    Err(Error::Unsupported {
+        adapter: gpu.record().name.clone(),
+        problem: format!(
+            "computes sums in f32, and a light of radiance {brightest:e} is beyond what they hold"
+        ),
+        remedy: "use another unit, in which light.radiance is from 1e-15 to 1e15, or use --backend cpu",
+    })
 }
 
 /// What is wanted of a row beyond what is known of it.
@@ -287,10 +343,6 @@ fn scattered(traversal: LightMapTraversal, start: Rgb) -> Result<Rows> {
 /// Whether more than rounding is left of a row's lit weight without what comes from beside the map.
 fn passes_the_map([lit, outside]: &[[f64; 3]; 2]) -> bool {
     (0..3).any(|c| lit[c] - outside[c] > 1e-12 * lit[c])
-}
-
-fn plan(traversal: &LightMapTraversal, grey: bool) -> WalkPlan {
-    if grey { WalkPlan::new::<f32, 1>(traversal) } else { WalkPlan::new::<f32, 3>(traversal) }
 }
 
 /// What all rays of a scene share.

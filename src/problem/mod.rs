@@ -7,8 +7,6 @@ mod evenly;
 mod extents;
 mod fill;
 mod formulation;
-#[cfg(feature = "gpu")]
-mod gpu;
 mod light_map;
 mod painting;
 #[cfg(feature = "gpu")]
@@ -18,7 +16,6 @@ mod solution;
 mod surfaces;
 mod surroundings;
 mod system;
-mod transport;
 mod volume;
 
 pub use assess::{Assessment, Assessor, Match};
@@ -27,11 +24,9 @@ pub use diffusion::{Diffused, Known, diffuse};
 pub use evenly::evenly;
 pub use extents::{Maps, fit};
 pub use formulation::{Formulation, Lattice, Start, Steering};
-#[cfg(feature = "gpu")]
-pub use gpu::{GpuLightMapOperator, GpuOperator};
 use light_map::luminance;
 
-pub use light_map::LightMapProblem;
+pub use light_map::{LightMapOperator, LightMapProblem};
 pub use painting::paint;
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;
@@ -42,7 +37,6 @@ pub use solution::{
 pub use surfaces::{Surfaces, Traced};
 pub use surroundings::SkyBeam;
 pub use system::{System, Weights};
-pub use transport::{HostOperator, LightMapOperator, TransportOperator};
 pub use volume::{
     AllVoxels, Desired, Determined, LeftOut, LightColumns, LitRows, Model, Occupied, Optics, SeenLights,
     Spread, Spreading, VolumeOperator, VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,

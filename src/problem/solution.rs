@@ -1,8 +1,8 @@
 use super::Formulation;
+use super::LightMapProblem;
 use super::fill::fill;
 use super::system::{System, Weights};
-use super::{LightMapProblem, TransportOperator};
-use crate::operator::{CpuVector, Indexed, LinearOperator, Stacked, Vector};
+use crate::operator::{CpuVector, Indexed, LinearOperator, Stacked, TransportOperator, Vector};
 use crate::scene::{Rgb, SolveSettings, SolverName};
 use crate::solve::{
     Beginning, Cgls, Control, Fista, FlexibleCgls, History, Lbfgs, LeastSquares, Lsmr, Lsqr, Measure, Method,

@@ -1,11 +1,9 @@
 use std::sync::Arc;
 
-use super::transport::{brought, fetched};
-use super::{Formulation, Steering, TransportOperator};
-use crate::cpu::Tiling;
+use super::{Formulation, Steering};
 use crate::operator::{
     Blocks, Bounds, CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Metric, Neighbours,
-    Restricted, Scaled, Scaling, Stacked, Vector, Weighted,
+    Restricted, Scaled, Scaling, Stacked, Tiling, TransportOperator, Vector, Weighted, brought, fetched,
 };
 use crate::scene::{MetricName, Rgb, SolveSettings, Weight};
 use crate::solve::{LeastSquares, Limits, Rule, Term, choose_weight};

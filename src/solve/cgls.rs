@@ -9,7 +9,7 @@
 //! Source        Hestenes and Stiefel 1952; Björck 1996, algorithm 7.4.1; clamp: Klehm 2015, sec. 7.4.2.
 
 use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, each, ratio};
-use crate::operator::{LinearOperator, Scalars, Sum, Vector};
+use crate::operator::{LinearOperator, PendingSum, Scalars, Vector};
 use crate::{Error, Result};
 
 /// Part of its start below which ‖s‖² is rounding at any precision, and further steps would only underflow.

@@ -2,7 +2,7 @@ use std::time::Instant;
 
 use super::stop::Progressing;
 use super::{Control, LeastSquares, Limits, Live, Measure, Method, Stop, StopReason};
-use crate::operator::{Bounds, LinearOperator, Scalars, Sum, Vector, expect_len};
+use crate::operator::{Bounds, LinearOperator, PendingSum, Scalars, Vector, expect_len};
 use crate::{Error, Result};
 
 /// Where a solve is after an iteration.

@@ -15,7 +15,7 @@
 use super::iterate::Iterate;
 use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, each};
 use crate::Result;
-use crate::operator::{LinearOperator, Scalars, Sum, Vector};
+use crate::operator::{LinearOperator, PendingSum, Scalars, Vector};
 
 /// By how much ‖A d‖² may exceed its bound through rounding.
 const ROUNDING: f64 = 1e-3;

@@ -1,6 +1,6 @@
 use super::{LeastSquares, Measure};
 use crate::Result;
-use crate::operator::{LinearOperator, Sum, Vector};
+use crate::operator::{LinearOperator, PendingSum, Vector};
 
 /// Where a method within bounds stands: x, and what is known there.
 pub(super) struct Iterate<O: LinearOperator> {

@@ -1,7 +1,7 @@
 use std::cell::Cell;
 
 use crate::Result;
-use crate::operator::{Bounds, LinearOperator, Metric, Scalars, Sum, Vector, expect_len};
+use crate::operator::{Bounds, LinearOperator, Metric, PendingSum, Scalars, Vector, expect_len};
 
 /// `min ½‖A x − b‖², l ≤ x ≤ u`, channel by channel; it counts how often its operator is applied.
 pub struct LeastSquares<'a, O: LinearOperator> {

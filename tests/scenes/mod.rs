@@ -87,15 +87,15 @@ pub fn random(seed: u64, rays: usize, basis: Basis, quadrature: Quadrature) -> L
 #[cfg(feature = "gpu")]
 pub fn kept_rows<const C: usize>(
     traversal: &(impl unscatter::march::Traversal<f64, C> + Clone),
-) -> unscatter::gpu::RowTable {
-    use unscatter::cpu::{Rows, Transport, WalkPlan};
-    use unscatter::gpu::RowTable;
+) -> unscatter::operator::RowTable {
+    use unscatter::cpu::Transport;
+    use unscatter::operator::{MatrixRows, RowTable, WalkPlan};
     use unscatter::scene::Strategy;
 
-    let plan = WalkPlan::new::<f32, C>(traversal);
+    let plan = WalkPlan::new::<C>(traversal);
     let kept = Transport::<_, f32, C>::new(traversal.clone(), &plan, Strategy::Auto, u64::MAX).unwrap();
     let mut table = RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); C] };
-    for row in 0..Rows::<f32, C>::rows(&kept) {
+    for row in 0..MatrixRows::<f32, C>::rows(&kept) {
         kept.visit(row, &mut |element, weight: [f32; C]| {
             table.elements.push(element as u32);
             (0..C).for_each(|c| table.weights[c].push(weight[c]));

@@ -1,10 +1,11 @@
 //! The CPU operator and its compositions against the explicit matrix and against each other.
 
 use proptest::prelude::*;
-use unscatter::cpu::{Transport, WalkPlan};
+use unscatter::cpu::{Transport, kept_bytes};
 use unscatter::march::{LightMapTraversal, Real, Traversal, Weight};
 use unscatter::operator::{
-    Bounds, CpuVector, Identity, LinearOperator, Restricted, Scaled, Stacked, Vector, Weighted, adjoint_test,
+    Bounds, CpuVector, Identity, LinearOperator, Restricted, Scaled, Stacked, Vector, WalkPlan, Weighted,
+    adjoint_test,
 };
 use unscatter::scene::{Basis, Quadrature, Strategy};
 use unscatter::sparse::ExplicitMatrix;
@@ -17,7 +18,7 @@ const STRATEGIES: [Strategy; 2] = [Strategy::Assembled, Strategy::MatrixFree];
 
 fn transport<F: Real>(seed: u64, rows: usize, strategy: Strategy) -> Transport<LightMapTraversal, F, 1> {
     let traversal = scenes::random(seed, rows, Basis::Bilinear, Quadrature::Exact);
-    let plan = WalkPlan::new::<F, 1>(&traversal);
+    let plan = WalkPlan::new::<1>(&traversal);
     Transport::new(traversal, &plan, strategy, u64::MAX).unwrap()
 }
 
@@ -51,7 +52,7 @@ fn the_field_of_the_benches_has_the_rows_it_says_and_obeys_the_same_laws() {
         assert_eq!(traversal.rays().len(), 241);
         let explicit = ExplicitMatrix::new::<1>(&traversal, u64::MAX).unwrap();
         let truth = products(&explicit, 3);
-        let plan = WalkPlan::new::<f32, 1>(&traversal);
+        let plan = WalkPlan::new::<1>(&traversal);
         for strategy in STRATEGIES {
             let operator = Transport::<_, f32, 1>::new(traversal.clone(), &plan, strategy, u64::MAX).unwrap();
             let products = products(&operator, 3);
@@ -142,16 +143,17 @@ fn results_are_bit_identical_for_any_number_of_threads_and_any_storage() {
 #[test]
 fn a_budget_between_nothing_and_everything_keeps_some_rows() {
     let traversal = scenes::random(5, 3000, Basis::Bilinear, Quadrature::Exact);
-    let plan = WalkPlan::new::<f32, 1>(&traversal);
+    let plan = WalkPlan::new::<1>(&traversal);
     let whole = Transport::<_, f32, 1>::new(traversal.clone(), &plan, Strategy::Auto, u64::MAX).unwrap();
-    let part = Transport::<_, f32, 1>::new(traversal.clone(), &plan, Strategy::Auto, plan.bytes / 3).unwrap();
+    let bytes = kept_bytes::<f32>(&plan, 1);
+    let part = Transport::<_, f32, 1>::new(traversal.clone(), &plan, Strategy::Auto, bytes / 3).unwrap();
     assert_eq!(whole.storage().walked_rows, 0);
     assert!(part.storage().kept_rows > 500 && part.storage().walked_rows > 500);
-    assert!(part.storage().bytes <= plan.bytes / 2);
+    assert!(part.storage().bytes <= bytes / 2);
     let (whole, part) = (products(&whole, 3), products(&part, 3));
     assert!(relative_difference(&whole[0], &part[0]) <= 1e-6);
     assert!(relative_difference(&whole[1], &part[1]) <= 1e-6);
-    assert!(Transport::<_, f32, 1>::new(traversal, &plan, Strategy::Assembled, plan.bytes / 3).is_err());
+    assert!(Transport::<_, f32, 1>::new(traversal, &plan, Strategy::Assembled, bytes / 3).is_err());
 }
 
 #[test]
@@ -224,7 +226,7 @@ fn vectors_that_do_not_fit_are_refused() {
 fn a_row_without_elements_and_a_walk_plan_without_rows_are_fine() {
     let traversal = scenes::random(3, 0, Basis::Nearest, Quadrature::Exact);
     assert_eq!(Traversal::<f64, 1>::rows(&traversal), 0);
-    let plan = WalkPlan::new::<f32, 1>(&traversal);
+    let plan = WalkPlan::new::<1>(&traversal);
     let operator = Transport::<_, f32, 1>::new(traversal, &plan, Strategy::Auto, 0).unwrap();
     let [forward, backward] = products(&operator, 1);
     assert!(forward.is_empty() && backward.iter().all(|value| *value == [0.0; 3]));
@@ -258,7 +260,7 @@ fn few_elements_of_many_rows_are_summed_up_as_exactly_as_many() {
     let truth = ExplicitMatrix::new::<1>(&Crowded(0.0), u64::MAX).unwrap();
     let mut expected = truth.domain();
     truth.apply_adjoint(&wide, &mut expected).unwrap();
-    let plan = WalkPlan::new::<f32, 1>(&Crowded(0.0));
+    let plan = WalkPlan::new::<1>(&Crowded(0.0));
     let back = |off: f64, strategy: Strategy| {
         let transport: Transport<_, f32, 1> =
             Transport::new(Crowded(off), &plan, strategy, u64::MAX).unwrap();

@@ -4,10 +4,9 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 use unscatter::Error;
-use unscatter::cpu::WalkPlan;
 use unscatter::march::Surroundings;
-use unscatter::operator::{CpuVector, LinearOperator, Neighbours, adjoint_test};
-use unscatter::problem::{LightMapProblem, TransportOperator, evenly, render, solve};
+use unscatter::operator::{CpuVector, LinearOperator, Neighbours, TransportOperator, WalkPlan, adjoint_test};
+use unscatter::problem::{LightMapProblem, evenly, render, solve};
 use unscatter::scene::{Medium, Ray, Rgb, Scene, Strategy, Weight};
 use unscatter::solve::Control;
 use unscatter::sparse::ExplicitMatrix;
@@ -275,13 +274,7 @@ fn rows_on_an_adapter_are_the_explicit_matrix() {
         for (strategy, deterministic) in
             [(Strategy::Assembled, false), (Strategy::MatrixFree, false), (Strategy::MatrixFree, true)]
         {
-            let operator = unscatter::problem::GpuLightMapOperator::new(
-                &gpu,
-                &problem,
-                strategy,
-                u64::MAX,
-                deterministic,
-            );
+            let operator = problem.on_gpu(&gpu, strategy, u64::MAX, deterministic);
             assert_is_explicit(&format!("{case:?}, {strategy:?}"), &problem, &operator.unwrap());
         }
     }
@@ -326,10 +319,7 @@ fn only_texels(mut problem: LightMapProblem) -> LightMapProblem {
     let surfaces = Surroundings::new(0, &[], reflected).unwrap();
     problem.traversal = problem.traversal.among(Arc::new(surfaces));
     problem.further_start.clear();
-    problem.plan = match problem.is_grey() {
-        true => WalkPlan::new::<f32, 1>(&problem.traversal),
-        false => WalkPlan::new::<f32, 3>(&problem.traversal),
-    };
+    problem.plan = WalkPlan::of(&problem.traversal, problem.is_grey());
     problem
 }
 

@@ -2,7 +2,7 @@
 
 use super::super::budget::{allowed, check_memory, mebibytes};
 use crate::Result;
-use crate::cpu::Tiling;
+use crate::operator::Tiling;
 use crate::problem::{Optics, VolumeProblem, light_bytes};
 use crate::scene::{Find, KeyFrame, MetricName, SolveSettings, VolumeScene, Weight};
 

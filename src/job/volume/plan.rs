@@ -82,8 +82,8 @@ pub(in crate::job) fn plans(
         let kept = match settings.strategy {
             Strategy::MatrixFree => 0.0,
             // Lights that do not fit are not kept in part: light volumes take their place.
-            Strategy::Auto if is_of_lights && problem.plan.bytes > budget => 0.0,
-            _ => (budget as f64 / problem.plan.bytes.max(1) as f64).min(1.0),
+            Strategy::Auto if is_of_lights && problem.kept_bytes() > budget => 0.0,
+            _ => (budget as f64 / problem.kept_bytes().max(1) as f64).min(1.0),
         };
         let [empty_bricks, bricks] = problem.empty_bricks();
         plans.push(VolumePlan {
@@ -101,7 +101,7 @@ pub(in crate::job) fn plans(
             empty_bricks,
             bricks,
             nonzeros: problem.plan.nonzeros,
-            matrix_bytes: problem.plan.bytes,
+            matrix_bytes: problem.kept_bytes(),
             other_bytes: memory::stage_bytes(scene, &settings, &problem),
             budget_bytes: settings.memory.unwrap_or_else(machine::default_budget),
             strategy: if is_of_lights && kept == 0.0 { "light volumes" } else { strategy(kept) },

@@ -7,10 +7,8 @@ use super::super::engine::{Engine, On};
 use super::super::folder::Folder;
 use super::super::steps::Steps;
 use super::memory;
-use crate::operator::Vector;
-use crate::problem::{
-    Desired, Optics, Paused, TransportOperator, VolumeProblem, VolumeRenderer, VolumeState, minimize,
-};
+use crate::operator::{TransportOperator, Vector};
+use crate::problem::{Desired, Optics, Paused, VolumeProblem, VolumeRenderer, VolumeState, minimize};
 use crate::report::Work;
 use crate::scene::{Find, Rgb, SolveSettings, VolumeScene};
 use crate::{Error, Result};
@@ -95,13 +93,8 @@ impl Task<'_> {
                 #[cfg(feature = "gpu")]
                 On::Gpu(gpu) => {
                     steps.begin("walking", None);
-                    let operator = crate::problem::GpuOperator::of_volume(
-                        &gpu,
-                        &problem,
-                        settings.strategy,
-                        budget,
-                        place.options.deterministic,
-                    )?;
+                    let deterministic = place.options.deterministic;
+                    let operator = problem.on_gpu(&gpu, settings.strategy, budget, deterministic)?;
                     let mut trips = Vec::new();
                     let record = gpu.record();
                     let watch = Watch { adapter: Some(&record.name), ..watch };

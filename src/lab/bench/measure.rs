@@ -10,10 +10,8 @@ use super::subject::Problem;
 #[cfg(feature = "gpu")]
 use crate::gpu::Gpu;
 use crate::job::{Stop, peak_memory};
-use crate::operator::{Vector, adjoint_test};
-#[cfg(feature = "gpu")]
-use crate::problem::{GpuLightMapOperator, GpuOperator};
-use crate::problem::{TransportOperator, minimize};
+use crate::operator::{TransportOperator, Vector, adjoint_test};
+use crate::problem::minimize;
 use crate::report::bench::{Measured, Record};
 use crate::scene::{Quadrature, SolveSettings, SolverName};
 use crate::{Error, Result};
@@ -119,10 +117,10 @@ impl Bench {
         if let (Place::Gpu, Some(gpu)) = (case.place, &self.gpu) {
             return match problem {
                 Problem::LightMap(problem) => {
-                    run.with(|| GpuLightMapOperator::new(gpu, problem, case.strategy, u64::MAX, false))
+                    run.with(|| problem.on_gpu(gpu, case.strategy, u64::MAX, false))
                 }
                 Problem::Volume(_, problem) => {
-                    run.with(|| GpuOperator::of_volume(gpu, problem, case.strategy, u64::MAX, false))
+                    run.with(|| problem.on_gpu(gpu, case.strategy, u64::MAX, false))
                 }
             };
         }

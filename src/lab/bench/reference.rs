@@ -4,9 +4,10 @@ use std::cell::OnceCell;
 
 use super::cases::Between;
 use super::subject::{Problem, Rows, Stage};
+use crate::cpu::HostOperator;
 use crate::job::Stop;
-use crate::operator::{Blocks, CpuVector, LinearOperator, Vector};
-use crate::problem::{HostOperator, Solved, System, TransportOperator, measure, minimize};
+use crate::operator::{Blocks, CpuVector, LinearOperator, TransportOperator, Vector};
+use crate::problem::{Solved, System, measure, minimize};
 use crate::scene::{MetricName, Rgb, SolveSettings, SolverName, Strategy};
 use crate::{Error, Result};
 

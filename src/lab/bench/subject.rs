@@ -5,14 +5,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::cases::Between;
-use crate::cpu::WalkPlan;
+use crate::cpu::HostOperator;
 use crate::io::scene_file;
 use crate::job::{Job, Quiet, SHADOW_TEXEL, Steps, Stop, problems};
 use crate::march::{LightMapTraversal, Traversal, VolumeTransport, VolumeTraversal};
-use crate::operator::CpuVector;
-use crate::problem::{
-    Formulation, HostOperator, LightMapProblem, Traced, VolumeProblem, VolumeRows, constraints, evenly,
-};
+use crate::operator::{CpuVector, WalkPlan};
+use crate::problem::{Formulation, LightMapProblem, Traced, VolumeProblem, VolumeRows, constraints, evenly};
 use crate::scene::{
     Basis, Find, Interpolation, Quadrature, Rgb, Scene, SolveSettings, Strategy, VolumeScene, Weight,
 };
@@ -316,8 +314,7 @@ impl Problem {
 
     /// Foresees the rows anew, as a part of what is timed.
     pub(super) fn replan(&mut self) {
-        let (rows, grey) = (self.rows(), self.is_grey());
-        let plan = if grey { WalkPlan::new::<f32, 1>(&rows) } else { WalkPlan::new::<f32, 3>(&rows) };
+        let plan = WalkPlan::of(&self.rows(), self.is_grey());
         match self {
             Self::LightMap(problem) => problem.plan = plan,
             Self::Volume(_, problem) => problem.plan = plan,

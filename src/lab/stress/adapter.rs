@@ -6,8 +6,8 @@ use super::rows::{FAULT, worse};
 use super::solved::AGAINST_EXPLICIT;
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::operator::{CpuVector, LinearOperator, adjoint_test};
-use crate::problem::{GpuLightMapOperator, LightMapProblem, TransportOperator};
+use crate::operator::{CpuVector, LinearOperator, TransportOperator, adjoint_test};
+use crate::problem::LightMapProblem;
 use crate::scene::{Rgb, Strategy};
 use crate::sparse::ExplicitMatrix;
 
@@ -68,7 +68,7 @@ fn products(setting: &Setting, samples: &mut Samples) -> Result<()> {
         ("walked", Strategy::MatrixFree, false),
         ("fixed point", Strategy::MatrixFree, true),
     ] {
-        let operator = GpuLightMapOperator::new(gpu, &problem, strategy, u64::MAX, deterministic)?;
+        let operator = problem.on_gpu(gpu, strategy, u64::MAX, deterministic)?;
         let found = bent(setting, operator.shown(&x)?);
         samples.within(format!("{name}, T x"), apart(&found, &shown.0), AGAINST_EXPLICIT);
         let found = bent(setting, operator.arriving(&y)?);
@@ -83,8 +83,7 @@ fn same_bits(setting: &Setting, samples: &mut Samples) -> Result<()> {
     let problem = hall()?;
     let y = wave(problem.constraints.len());
     for (name, deterministic, bound) in [("fixed point", true, 0.0), ("atomics", false, AGAINST_EXPLICIT)] {
-        let operator =
-            GpuLightMapOperator::new(gpu, &problem, Strategy::MatrixFree, u64::MAX, deterministic)?;
+        let operator = problem.on_gpu(gpu, Strategy::MatrixFree, u64::MAX, deterministic)?;
         let first = operator.arriving(&y)?;
         let largest = f64::from(first.iter().flatten().copied().fold(0.0, f32::max));
         for run in 2..=10 {

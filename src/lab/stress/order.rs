@@ -6,9 +6,9 @@ use rayon::prelude::*;
 
 use super::case::{Case, Samples, Setting};
 use super::rows::{Numbers, Placement, Tested, random_light_map};
-use crate::cpu::{Transport, WalkPlan};
+use crate::cpu::Transport;
 use crate::march::{LightMapTraversal, Traversal, Weight};
-use crate::operator::{LinearOperator, Vector};
+use crate::operator::{LinearOperator, Vector, WalkPlan};
 use crate::scene::{Basis, Strategy};
 use crate::{Error, Result};
 
@@ -47,7 +47,7 @@ fn ones_and_more(len: usize) -> Vec<[f64; 3]> {
 
 /// T x, Tᵀ y and ⟨T x, y⟩ of rows kept and walked, as bits.
 fn bits(rows: &LightMapTraversal, faulty: bool) -> Result<Vec<u64>> {
-    let plan = WalkPlan::new::<f32, 1>(&Tested { rows, faulty });
+    let plan = WalkPlan::new::<1>(&Tested { rows, faulty });
     let mut bits = Vec::new();
     for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
         let operator = Transport::<_, f32, 1>::new(Tested { rows, faulty }, &plan, strategy, u64::MAX)?;
@@ -125,7 +125,7 @@ fn arriving(rows: &LightMapTraversal, y: &[[f64; 3]]) -> Vec<[f64; 3]> {
 fn rows(setting: &Setting, samples: &mut Samples) -> Result<()> {
     let rows = field()?;
     let products = |rows: &Permuted, setting: &Setting| {
-        let plan = WalkPlan::new::<f32, 1>(&setting.tested(rows));
+        let plan = WalkPlan::new::<1>(&setting.tested(rows));
         let operator =
             Transport::<_, f32, 1>::new(setting.tested(rows), &plan, Strategy::Assembled, u64::MAX)?;
         let (mut x, mut y) = (operator.domain(), operator.range());

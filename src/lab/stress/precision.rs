@@ -9,9 +9,9 @@ use super::rows::{
 };
 use super::solved::{Question, certificate};
 use crate::Result;
-use crate::cpu::{Transport, WalkPlan};
+use crate::cpu::Transport;
 use crate::march::{Quantity, Real};
-use crate::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
+use crate::operator::{CpuVector, LinearOperator, Vector, WalkPlan, adjoint_test};
 use crate::scene::{Basis, SolverName, Strategy};
 use crate::sparse::ExplicitMatrix;
 
@@ -66,7 +66,7 @@ fn against<F: Real>(
 where
     CpuVector<F>: Vector,
 {
-    let plan = WalkPlan::new::<F, 1>(&setting.tested(rows));
+    let plan = WalkPlan::new::<1>(&setting.tested(rows));
     let operator = Transport::<_, F, 1>::new(setting.tested(rows), &plan, strategy, u64::MAX)?;
     let mut n = Numbers(41);
     let mut colors = |len: usize| -> Vec<[f64; 3]> {

@@ -11,9 +11,10 @@ use super::rows::{
     volume_rows,
 };
 use super::solved::{Question, certificate};
-use crate::cpu::WalkPlan;
+use crate::cpu::HostOperator;
 use crate::march::{InScattering, LitVolume, Quantity, VolumeTraversal};
-use crate::problem::{HostOperator, TransportOperator, solve};
+use crate::operator::{TransportOperator, WalkPlan};
+use crate::problem::solve;
 use crate::scene::{Interpolation, Rgb, Strategy, Volume};
 use crate::solve::Control;
 use crate::{Error, Result};
@@ -208,7 +209,7 @@ fn whole_scene_from_afar(setting: &Setting, samples: &mut Samples) -> Result<()>
 fn product(setting: &Setting, samples: &mut Samples) -> Result<()> {
     for basis in BASES {
         let rows = random_light_map(2, 400, basis, 0.5, &Placement::PLAIN)?;
-        let plan = WalkPlan::new::<f32, 1>(&setting.tested(&rows));
+        let plan = WalkPlan::new::<1>(&setting.tested(&rows));
         let right =
             HostOperator::<_, f32>::new(Setting::RIGHT.tested(&rows), true, &plan, Strategy::Auto, u64::MAX)?;
         let tested =

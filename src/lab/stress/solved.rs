@@ -3,9 +3,9 @@
 use super::case::{Samples, Setting};
 use super::rows::{Numbers, Walked, worse};
 use crate::Result;
-use crate::cpu::WalkPlan;
-use crate::operator::{CpuVector, LinearOperator, Vector};
-use crate::problem::{Formulation, HostOperator, Lattice, Solved, Start, TransportOperator, minimize};
+use crate::cpu::HostOperator;
+use crate::operator::{CpuVector, LinearOperator, TransportOperator, Vector, WalkPlan};
+use crate::problem::{Formulation, Lattice, Solved, Start, minimize};
 use crate::scene::{Regularization, Rgb, SolveSettings, SolverName, Strategy, Weight};
 use crate::solve::{Control, StopReason};
 use crate::sparse::ExplicitMatrix;
@@ -70,7 +70,7 @@ impl Question {
     /// Solves it with rows that should be those of the matrix.
     pub(super) fn solved(&self, setting: &Setting, rows: &dyn Walked) -> Result<Answer> {
         let tested = setting.tested(rows);
-        let plan = WalkPlan::new::<f32, 1>(&tested);
+        let plan = WalkPlan::new::<1>(&tested);
         let operator = HostOperator::<_, f32>::new(tested, true, &plan, Strategy::Auto, u64::MAX)?;
         let coverage = operator.squares(&CpuVector(self.weights.clone()))?;
         let elements = rows.elements();

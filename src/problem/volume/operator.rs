@@ -1,13 +1,21 @@
 use std::sync::Arc;
 
+#[cfg(feature = "gpu")]
+use super::VolumeProblem;
 use super::VolumeRows;
 use super::environment::{LightColumns, LitRows, SeenLights};
+#[cfg(feature = "gpu")]
+use crate::Error;
 use crate::Result;
-use crate::cpu::{Storage, Tiling, WalkPlan};
-use crate::march::{Traversal, VolumeTraversal};
-use crate::operator::{CpuVector, LinearOperator, Metric, Product};
-use crate::problem::TransportOperator;
-use crate::problem::transport::HostOperator;
+use crate::cpu::{HostOperator, kept_bytes};
+#[cfg(feature = "gpu")]
+use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
+use crate::march::VolumeTraversal;
+use crate::operator::{
+    Composed, CpuVector, LinearOperator, Metric, Storage, Sum, Tiling, TransportOperator, WalkPlan,
+};
+#[cfg(feature = "gpu")]
+use crate::operator::{HostRows, RowTable};
 use crate::scene::Strategy;
 
 /// `T` of a volume problem on the CPU in f32: its rows, kept or walked; or, of lights, light volumes that are walked.
@@ -18,7 +26,7 @@ pub struct VolumeOperator {
 }
 
 /// G V + D: what an application takes hardly depends on the number of lights.
-type LightVolumes = Product<HostOperator<VolumeTraversal>, Arc<LightColumns>, HostOperator<SeenLights>>;
+type LightVolumes = Sum<Composed<HostOperator<VolumeTraversal>, Arc<LightColumns>>, HostOperator<SeenLights>>;
 
 impl VolumeOperator {
     /// All rows are kept where that is asked for, or fits; of lights, those that do not fit are not walked but given up for light
@@ -32,10 +40,11 @@ impl VolumeOperator {
         strategy: Strategy,
         budget: u64,
     ) -> Result<Self> {
+        let bytes = kept_bytes::<f32>(plan, if is_grey { 1 } else { 3 });
         let keep = |strategy| HostOperator::new(rows.clone(), is_grey, plan, strategy, budget);
         let walked = match (rows, strategy) {
             (VolumeRows::Lights(rows), Strategy::MatrixFree) => Some(rows),
-            (VolumeRows::Lights(rows), Strategy::Auto) if plan.bytes > budget => Some(rows),
+            (VolumeRows::Lights(rows), Strategy::Auto) if bytes > budget => Some(rows),
             _ => None,
         };
         Ok(match walked {
@@ -49,21 +58,85 @@ impl VolumeOperator {
 }
 
 fn light_volumes(rows: &LitRows, is_grey: bool, strategy: Strategy, budget: u64) -> Result<LightVolumes> {
-    fn plan<T: Traversal<f64, 1> + Traversal<f64, 3>>(traversal: &T, is_grey: bool) -> WalkPlan {
-        if is_grey { WalkPlan::new::<f32, 1>(traversal) } else { WalkPlan::new::<f32, 3>(traversal) }
-    }
     let (scattered, seen) = (rows.scattered.clone(), rows.seen.clone());
-    let plans = [plan(&scattered, is_grey), plan(&seen, is_grey)];
+    let plans = [WalkPlan::of(&scattered, is_grey), WalkPlan::of(&seen, is_grey)];
     let scattered = HostOperator::new(scattered, is_grey, &plans[0], strategy, budget)?;
     let seen = HostOperator::new(seen, is_grey, &plans[1], Strategy::MatrixFree, 0)?;
-    Product::new(scattered, rows.columns.clone(), seen)
+    Sum::new(Composed::new(scattered, rows.columns.clone())?, seen)
+}
+
+#[cfg(feature = "gpu")]
+impl VolumeProblem {
+    /// T on a graphics adapter: all rows kept there where `strategy` and the `budget` in bytes allow. Else voxels are walked there,
+    /// and of lights the factors of light volumes are kept. `deterministic` sums are the same in every run.
+    ///
+    /// Errors: [`Error::TooLarge`] when rows must be kept and exceed the budget, [`Error::AdapterMemory`]; [`Error::Unsupported`] for
+    /// rays that no kernel walks.
+    pub fn on_gpu(
+        &self,
+        gpu: &Gpu,
+        strategy: Strategy,
+        budget: u64,
+        deterministic: bool,
+    ) -> Result<GpuOperator> {
+        let grey = self.is_grey();
+        let on_host = |strategy| -> Result<Box<dyn HostRows>> {
+            let rows = self.traversal.clone();
+            Ok(Box::new(HostOperator::<_, f32>::new(rows, grey, &self.plan, strategy, u64::MAX)?))
+        };
+        let otherwise = || -> Result<Box<dyn DeviceOperator>> {
+            match &self.traversal {
+                VolumeRows::Voxels(rows) => Ok(Box::new(Walked::volume(gpu, rows, !grey, deterministic)?)),
+                VolumeRows::Linearized(_) => Err(Error::TooLarge {
+                    what: "the rows of a refinement, which an adapter only keeps".to_owned(),
+                    needed: format!("{} bytes", self.kept_bytes()),
+                    limit: format!("{budget} bytes"),
+                    remedy: "raise --memory, lower the views' sizes or volume.size, or use --backend cpu",
+                }),
+                VolumeRows::Lights(rows) => Ok(Box::new(light_volumes_on(gpu, rows, grey, budget)?)),
+            }
+        };
+        let channels = if grey { 1 } else { 3 };
+        GpuOperator::new(gpu, (&self.plan, channels), (strategy, budget), &on_host, &otherwise)
+    }
+}
+
+/// G V + D of lights on an adapter, each factor kept there.
+///
+/// Errors: [`Error::TooLarge`], [`Error::AdapterMemory`].
+#[cfg(feature = "gpu")]
+fn light_volumes_on(
+    gpu: &Gpu,
+    rows: &LitRows,
+    is_grey: bool,
+    budget: u64,
+) -> Result<Sum<Composed<Kept, Kept>, Kept>> {
+    let (lights, voxels) = (rows.basis().len(), rows.scattered.parts()[0].voxels().len());
+    let columns = match &*rows.columns {
+        LightColumns::Grey(columns) => RowTable::of(columns),
+        LightColumns::Colored(columns) => RowTable::of(columns),
+    };
+    let plan = WalkPlan::of(&rows.scattered, is_grey);
+    let bytes = Kept::bytes(plan.nonzeros, plan.rows, voxels, if is_grey { 1 } else { 3 });
+    if 2 * bytes > budget {
+        return Err(Error::TooLarge {
+            what: "what the voxels scatter, on an adapter".to_owned(),
+            needed: format!("{} bytes", 2 * bytes),
+            limit: format!("{budget} bytes"),
+            remedy: "raise --memory, lower the views' sizes or light_size, or use --backend cpu",
+        });
+    }
+    let scattered = Kept::new(gpu, RowTable::walked(&rows.scattered, is_grey), voxels)?;
+    let seen = RowTable::walked(&rows.seen, is_grey);
+    let [columns, seen] = [Kept::new(gpu, columns, lights)?, Kept::new(gpu, seen, lights)?];
+    Sum::new(Composed::new(scattered, columns)?, seen)
 }
 
 impl TransportOperator for VolumeOperator {
     type Vector = CpuVector;
 
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
-        self.rows.squares(weights)
+        TransportOperator::squares(&self.rows, weights)
     }
 
     fn tile_metric(
@@ -77,7 +150,10 @@ impl TransportOperator for VolumeOperator {
 
     fn storage(&self) -> Storage {
         match &self.light_volumes {
-            Some(light_volumes) => Storage { of_light_volumes: true, ..light_volumes.factors().0.storage() },
+            Some(light_volumes) => {
+                let (scattered, _) = light_volumes.terms().0.factors();
+                Storage { of_light_volumes: true, ..scattered.storage() }
+            }
             None => self.rows.storage(),
         }
     }

@@ -10,9 +10,9 @@ use super::searched::Searched;
 use super::{
     Desired, LightColumns, LitRows, Model, Optics, SeenLights, VolumeOperator, VolumeRows, VolumeState,
 };
-use crate::cpu::WalkPlan;
+use crate::cpu::kept_bytes;
 use crate::march::{Part, Quantity, Traversal, VolumeTraversal, Weight};
-use crate::operator::{Bounds, CpuVector};
+use crate::operator::{Bounds, CpuVector, WalkPlan};
 use crate::problem::{Formulation, Lattice, Start, Steering, evenly};
 use crate::scene::{
     Environment, Find, MetricName, Rgb, SolveSettings, Strategy, Volume, VolumeMedium, VolumeScene, VoxelSet,
@@ -133,7 +133,7 @@ impl VolumeProblem {
         left_out: LeftOut,
         searched: Searched,
     ) -> Self {
-        let plan = plan(&traversal, grey);
+        let plan = WalkPlan::of(&traversal, grey);
         let Searched { start, places, size, bounds, steering, outside_hull, .. } = searched;
         Self {
             find,
@@ -226,7 +226,7 @@ impl VolumeProblem {
         Self {
             targets: every(&self.targets),
             weights: every(&self.weights),
-            plan: plan(&traversal, self.grey),
+            plan: WalkPlan::of(&traversal, self.grey),
             traversal,
             start: self.start.clone(),
             places: self.places.clone(),
@@ -300,6 +300,11 @@ impl VolumeProblem {
         })
     }
 
+    /// Bytes that keeping all rows takes on the processor, foreseen.
+    pub fn kept_bytes(&self) -> u64 {
+        kept_bytes::<f32>(&self.plan, if self.grey { 1 } else { 3 })
+    }
+
     /// Whether one weight serves all channels.
     pub fn is_grey(&self) -> bool {
         self.grey
@@ -339,10 +344,6 @@ fn property<'a>(medium: &'a VolumeMedium, quantity: &Quantity) -> &'a Volume {
         Quantity::Albedo(_) | Quantity::InScattered(_) => &medium.albedo,
         Quantity::Extinction => &medium.extinction,
     }
-}
-
-fn plan(traversal: &VolumeRows, grey: bool) -> WalkPlan {
-    if grey { WalkPlan::new::<f32, 1>(traversal) } else { WalkPlan::new::<f32, 3>(traversal) }
 }
 
 /// The rows of a problem over all voxels of its grids.

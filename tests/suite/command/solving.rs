@@ -184,7 +184,8 @@ fn settings_that_make_no_sense_are_named() {
 
 #[test]
 fn the_library_names_them_as_well() {
-    use unscatter::problem::{LightMapProblem, TransportOperator, solve};
+    use unscatter::operator::TransportOperator;
+    use unscatter::problem::{LightMapProblem, solve};
     use unscatter::scene::Weight;
     use unscatter::solve::Control;
     let desk = Desk::new();

@@ -1,11 +1,13 @@
 //! The same solvers on the device: the metric of tiles against its twin, and whole problems against the processor.
 
 use unscatter::Error;
-use unscatter::cpu::{Rows, TileMetric, Tiling};
+use unscatter::cpu::TileMetric;
 use unscatter::gpu::{self, Choice, Fault, Gpu, GpuVector, adapters, known_answers};
 use unscatter::io::scene_file;
-use unscatter::operator::{Bounds, CpuVector, Indexed, Metric, Vector};
-use unscatter::problem::{Assessor, GpuLightMapOperator, LightMapProblem, Solved, TransportOperator, solve};
+use unscatter::operator::{
+    Bounds, CpuVector, Indexed, MatrixRows, Metric, TileBlocks, Tiling, TransportOperator, Vector,
+};
+use unscatter::problem::{Assessor, LightMapProblem, Solved, solve};
 use unscatter::scene::{MetricName, Rgb, Scene, SolverName, Strategy, Weight};
 use unscatter::solve::Control;
 
@@ -32,7 +34,7 @@ impl<const C: usize> Random<C> {
     }
 }
 
-impl<const C: usize> Rows<f32, C> for Random<C> {
+impl<const C: usize> MatrixRows<f32, C> for Random<C> {
     fn rows(&self) -> usize {
         self.0.len()
     }
@@ -59,7 +61,7 @@ fn tiles<const C: usize>(gpu: &Gpu) {
     let tiling = Tiling::new([23, 17], &columns);
     let added: Vec<f64> = (0..columns.len()).map(|k| 0.01 * (k % 3) as f64).collect();
     let metric = TileMetric::<f32, C>::new(&Random::<C>::new(), &tiling, &[1.0; 120], &added).unwrap();
-    let there = gpu::TileMetric::new(gpu, columns.len(), metric.blocks()).unwrap();
+    let there = gpu::TileMetric::new(gpu, columns.len(), C, metric.blocks()).unwrap();
     let truth = metric_at_work(&metric, &CpuVector::zeros(0), columns.len());
     let got = metric_at_work(&there, &device(gpu, 0), columns.len());
     for (name, (truth, got)) in ["stretch", "shrink", "descend"].into_iter().zip(truth.iter().zip(&got)) {
@@ -67,10 +69,10 @@ fn tiles<const C: usize>(gpu: &Gpu) {
         assert!(error <= DEVICE_TILES, "{name}: {error:e}");
     }
     // One block wrong is noticed.
-    let mut blocks: Vec<(Vec<u32>, Vec<[f32; C]>)> =
+    let mut blocks: Vec<(Vec<u32>, Vec<f32>)> =
         metric.blocks().map(|(members, matrix)| (members.to_vec(), matrix.to_vec())).collect();
-    blocks[1].1.iter_mut().for_each(|entry| entry[0] *= 1.1);
-    let sabotaged = gpu::TileMetric::new(gpu, columns.len(), blocks.iter().map(|(m, b)| (&m[..], &b[..])));
+    blocks[1].1.chunks_exact_mut(C).for_each(|entry| entry[0] *= 1.1);
+    let sabotaged = gpu::TileMetric::new(gpu, columns.len(), C, blocks.iter().map(|(m, b)| (&m[..], &b[..])));
     let got = metric_at_work(&sabotaged.unwrap(), &device(gpu, 0), columns.len());
     assert!((0..3).all(|k| relative_difference(&got[k], &truth[k]) > DEVICE_TILES));
 }
@@ -100,13 +102,8 @@ fn solved(problem: &LightMapProblem, operator: &impl TransportOperator, scene: &
     (solved, shown.all.residual.powi(2) / before.all.residual.powi(2))
 }
 
-fn on_device(
-    scene: &Scene,
-    problem: &LightMapProblem,
-    gpu: &Gpu,
-    deterministic: bool,
-) -> GpuLightMapOperator {
-    GpuLightMapOperator::new(gpu, problem, scene.solve.strategy, u64::MAX, deterministic).unwrap()
+fn on_device(scene: &Scene, problem: &LightMapProblem, gpu: &Gpu, deterministic: bool) -> gpu::GpuOperator {
+    problem.on_gpu(gpu, scene.solve.strategy, u64::MAX, deterministic).unwrap()
 }
 
 /// ‖a − b‖ / ‖b‖.
@@ -285,9 +282,9 @@ fn what_exceeds_a_binding_is_taken_in_slabs_and_what_exceeds_the_memory_is_refus
     let sliced = solved(&problem, &on_device(&scene, &problem, &narrow(300 << 10), false), &scene);
     assert!(apart(&sliced.0.x, &whole.0.x) <= DEVICE_LIGHT_MAP);
     let crowded = open(Choice { fault: Some(Fault::Memory), ..Choice::default() });
-    let refused = GpuLightMapOperator::new(&crowded, &problem, Strategy::Assembled, u64::MAX, false);
+    let refused = problem.on_gpu(&crowded, Strategy::Assembled, u64::MAX, false);
     assert!(matches!(&refused, Err(Error::AdapterMemory { .. })), "{refused:?}");
-    let refused = GpuLightMapOperator::new(&gpu(), &problem, Strategy::Assembled, 1 << 20, false);
+    let refused = problem.on_gpu(&gpu(), Strategy::Assembled, 1 << 20, false);
     assert!(matches!(&refused, Err(Error::TooLarge { .. })), "{refused:?}");
     let mut large = GpuVector::zeros(&crowded, 100_000);
     assert!(large.set_from_host(&vec![[0.0; 3]; 100_000]).is_err());

@@ -1,10 +1,10 @@
 //! T on the device, walked and kept, against the explicit matrix in f64 and against the CPU.
 
 use proptest::prelude::*;
-use unscatter::cpu::{Transport as CpuTransport, WalkPlan};
-use unscatter::gpu::{Accumulation, Choice, Gpu, GpuVector, Kept, RowTable, Walked};
+use unscatter::cpu::Transport as CpuTransport;
+use unscatter::gpu::{Accumulation, Choice, DeviceOperator, Gpu, GpuVector, Kept, Walked};
 use unscatter::march::{LightMapTraversal, Traversal};
-use unscatter::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
+use unscatter::operator::{CpuVector, LinearOperator, RowTable, Vector, WalkPlan, adjoint_test};
 use unscatter::scene::{Basis, Quadrature, Strategy as Storage};
 use unscatter::sparse::ExplicitMatrix;
 
@@ -117,7 +117,7 @@ proptest! {
 
 /// diag(Tᵀ diag(y) T) as the CPU has it.
 fn true_squares(traversal: &LightMapTraversal, y: &[[f64; 3]]) -> Vec<[f64; 3]> {
-    let plan = WalkPlan::new::<f64, 3>(traversal);
+    let plan = WalkPlan::new::<3>(traversal);
     let transport =
         CpuTransport::<_, f64, 3>::new(traversal.clone(), &plan, Storage::Auto, u64::MAX).unwrap();
     transport.squares(&CpuVector(y.to_vec())).unwrap().0

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use unscatter::gpu::{Choice, Gpu, GpuVector};
 use unscatter::operator::{
-    Bounds, CpuVector, Gradient, Indexed, Laplacian, NOWHERE, Neighbours, Sum, Vector, adjoint_test,
+    Bounds, CpuVector, Gradient, Indexed, Laplacian, NOWHERE, Neighbours, PendingSum, Vector, adjoint_test,
 };
 
 use super::{device, gpu, host, narrow, open, products, random, relative_difference};

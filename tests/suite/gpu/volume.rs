@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DQuat, DVec3};
 use unscatter::Error;
-use unscatter::gpu::{Accumulation, Choice, Gpu, GpuVector, Walked};
+use unscatter::gpu::{Accumulation, Choice, DeviceOperator, Gpu, GpuVector, Walked};
 use unscatter::march::{
     Density, InScattering, LitVolume, Part, PixelRays, Quantity, Refraction, VolumeTransport, VolumeTraversal,
 };

@@ -1,9 +1,9 @@
 //! The metric of tiles against its definition.
 
 use nalgebra::{DMatrix, DVector};
-use unscatter::cpu::{Rows, TileMetric, Tiling};
+use unscatter::cpu::TileMetric;
 use unscatter::march::Weight;
-use unscatter::operator::{Bounds, CpuVector, LinearOperator, Metric, Vector};
+use unscatter::operator::{Bounds, CpuVector, LinearOperator, MatrixRows, Metric, Tiling, Vector};
 use unscatter::solve::{Cgls, Fista, LeastSquares, Limits, Mprgp, StopReason};
 
 use super::{Dense, objective, rhs, run};
@@ -15,7 +15,7 @@ struct Sparse(DMatrix<f64>);
 const SIZE: [usize; 2] = [19, 13];
 const ROWS: usize = 90;
 
-impl Rows<f64, 1> for Sparse {
+impl MatrixRows<f64, 1> for Sparse {
     fn rows(&self) -> usize {
         ROWS
     }

@@ -1,8 +1,8 @@
 //! Light from everywhere as what is looked for.
 
 use unscatter::Error;
-use unscatter::operator::{CpuVector, LinearOperator, adjoint_test};
-use unscatter::problem::{TransportOperator, VolumeProblem, VolumeState};
+use unscatter::operator::{CpuVector, LinearOperator, TransportOperator, adjoint_test};
+use unscatter::problem::{VolumeProblem, VolumeState};
 use unscatter::scene::{
     DirectionalLight, Environment, Find, LightBasis, Mesh, Over, Primitive, Rgb, Strategy, VolumeMedium,
     VolumeScene, look_at,
@@ -148,7 +148,7 @@ fn both_strategies_are_the_explicit_matrix_and_have_its_adjoint() {
 fn too_many_lights_for_the_memory_become_light_volumes() {
     let scene = scene(&CASES[0]);
     let (problem, _) = of_truth(&scene);
-    let all = problem.operator(Strategy::Auto, problem.plan.bytes).unwrap().storage();
+    let all = problem.operator(Strategy::Auto, problem.kept_bytes()).unwrap().storage();
     assert_eq!((all.kept_rows, all.walked_rows), (problem.targets.len(), 0));
     assert_eq!(all.kept_nonzeros, problem.plan.nonzeros);
     let none = problem.operator(Strategy::Auto, 0).unwrap().storage();
@@ -193,7 +193,6 @@ fn lights_that_nothing_shows_are_refused() {
 #[test]
 #[ignore = "needs a graphics adapter; ./test.sh brings one"]
 fn adapters_agree_with_the_explicit_matrix() {
-    use unscatter::problem::GpuOperator;
     let gpu = crate::gpu::gpu();
     for case in &CASES {
         let scene = scene(case);
@@ -201,7 +200,7 @@ fn adapters_agree_with_the_explicit_matrix() {
         let x = colours(&scene.light_basis);
         let here = problem.operator(Strategy::Assembled, u64::MAX).unwrap();
         for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
-            let operator = GpuOperator::of_volume(&gpu, &problem, strategy, u64::MAX, false).unwrap();
+            let operator = problem.on_gpu(&gpu, strategy, u64::MAX, false).unwrap();
             assert!(operator.is_deterministic());
             let errors = [
                 relative(&operator.shown(&x).unwrap(), &here.shown(&x).unwrap()),

@@ -1,8 +1,8 @@
 //! Operators of volumes against the explicit matrix and each other.
 
-use unscatter::cpu::{Transport, WalkPlan};
+use unscatter::cpu::{Transport, kept_bytes};
 use unscatter::march::{Real, Refraction};
-use unscatter::operator::{CpuVector, LinearOperator, Vector, adjoint_test};
+use unscatter::operator::{CpuVector, LinearOperator, Vector, WalkPlan, adjoint_test};
 use unscatter::scene::{Find, Strategy};
 use unscatter::sparse::ExplicitMatrix;
 
@@ -14,19 +14,22 @@ const ROWS: usize = 700;
 
 /// Kept, in part kept, and walked.
 fn stored<F: Real, const C: usize>(traversal: &VolumeTraversal) -> [Transport<VolumeTraversal, F, C>; 3] {
-    let plan = WalkPlan::new::<F, C>(traversal);
-    [(Strategy::Assembled, u64::MAX), (Strategy::Auto, plan.bytes / 2), (Strategy::MatrixFree, 0)].map(
-        |(strategy, budget)| {
-            let operator = Transport::new(traversal.clone(), &plan, strategy, budget).unwrap();
-            let storage = operator.storage();
-            match strategy {
-                Strategy::Auto => assert!(storage.kept_rows > 0 && storage.walked_rows > 0),
-                Strategy::Assembled => assert_eq!(storage.walked_rows, 0),
-                Strategy::MatrixFree => assert_eq!(storage.kept_rows, 0),
-            }
-            operator
-        },
-    )
+    let plan = WalkPlan::new::<C>(traversal);
+    [
+        (Strategy::Assembled, u64::MAX),
+        (Strategy::Auto, kept_bytes::<F>(&plan, C) / 2),
+        (Strategy::MatrixFree, 0),
+    ]
+    .map(|(strategy, budget)| {
+        let operator = Transport::new(traversal.clone(), &plan, strategy, budget).unwrap();
+        let storage = operator.storage();
+        match strategy {
+            Strategy::Auto => assert!(storage.kept_rows > 0 && storage.walked_rows > 0),
+            Strategy::Assembled => assert_eq!(storage.walked_rows, 0),
+            Strategy::MatrixFree => assert_eq!(storage.kept_rows, 0),
+        }
+        operator
+    })
 }
 
 fn random_vector(len: usize, seed: u64) -> Vec<[f64; 3]> {

@@ -1,14 +1,14 @@
 //! How radiance changes with extinction, and the problem of a step of Gauss–Newton.
 
 use unscatter::march::{LinearizedTraversal, Source, channel};
-use unscatter::problem::{TransportOperator, VolumeProblem};
+use unscatter::problem::VolumeProblem;
 use unscatter::scene::{DirectionalLight, Environment, Find, Rgb, Strategy, VolumeMedium, look_at};
 use unscatter::sparse::ExplicitMatrix;
 
 use super::scene::{colors, picture_error, pictures, problem, solved, wanted};
 use super::*;
 use crate::tolerances::{AGAINST_EXPLICIT, REFINEMENT_SLOPE, VOLUME_CONSTANT};
-use unscatter::operator::{CpuVector, LinearOperator, adjoint_test};
+use unscatter::operator::{CpuVector, LinearOperator, TransportOperator, adjoint_test};
 
 /// Extinction without holes: its differences are taken to both sides.
 fn dense_values(n: &mut Numbers, grid: VoxelGrid, channels: usize) -> Volume {

@@ -1,6 +1,7 @@
 //! Problems of one volume, solved and compared.
 
-use unscatter::problem::{Solved, TransportOperator, VolumeProblem, VolumeState, minimize};
+use unscatter::operator::TransportOperator;
+use unscatter::problem::{Solved, VolumeProblem, VolumeState, minimize};
 use unscatter::scene::{Image, Strategy, VolumeMedium, VolumeScene};
 use unscatter::solve::Control;
 

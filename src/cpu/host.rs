@@ -1,59 +1,13 @@
+use std::fmt::Debug;
+
+use super::{TileMetric, Transport};
 use crate::Result;
-use crate::cpu::{Storage, TileMetric, Tiling, Transport, WalkPlan};
-use crate::march::{LightMapTraversal, Real, Traversal};
-use crate::operator::{CpuVector, Indexed, LinearOperator, Metric, Vector};
-use crate::scene::{Rgb, Strategy};
-
-/// `T` of a problem, wherever it is computed.
-pub trait TransportOperator: LinearOperator<Domain = Self::Vector, Range = Self::Vector> {
-    /// Vectors that live where it computes.
-    type Vector: Indexed + 'static;
-
-    /// diag(Tᵀ diag(weights) T).
-    ///
-    /// Errors: [`crate::Error::Shape`] when there is not one weight a row.
-    fn squares(&self, weights: &CpuVector) -> Result<CpuVector>;
-
-    /// The metric of tiles for rows with these weights, and `added` on its diagonal.
-    fn tile_metric(
-        &self,
-        tiling: &Tiling,
-        weights: &[f64],
-        added: &[f64],
-    ) -> Result<Box<dyn Metric<Self::Vector>>>;
-
-    /// How much of it is kept.
-    fn storage(&self) -> Storage;
-
-    /// T x of texels on the host.
-    fn shown(&self, x: &[Rgb]) -> Result<Vec<Rgb>> {
-        let (x, mut y) = (brought(self.domain(), x)?, self.range());
-        self.apply(&x, &mut y)?;
-        fetched(&y)
-    }
-
-    /// Tᵀ y of rows on the host.
-    fn arriving(&self, y: &[Rgb]) -> Result<Vec<Rgb>> {
-        let (y, mut x) = (brought(self.range(), y)?, self.domain());
-        self.apply_adjoint(&y, &mut x)?;
-        fetched(&x)
-    }
-}
-
-/// Colours of the host in a vector that lives elsewhere.
-pub(super) fn brought<V: Vector>(mut vector: V, colors: &[Rgb]) -> Result<V> {
-    let wide: Vec<[f64; 3]> = colors.iter().map(|color| color.map(f64::from)).collect();
-    vector.set_from_host(&wide)?;
-    Ok(vector)
-}
-
-/// The colours of a vector, on the host.
-pub(super) fn fetched(vector: &impl Vector) -> Result<Vec<Rgb>> {
-    Ok(vector.to_host()?.into_iter().map(|color| color.map(|value| value as f32)).collect())
-}
-
-/// `T` of a light-map problem on the CPU in f32.
-pub type LightMapOperator = HostOperator<LightMapTraversal>;
+use crate::march::{Real, Traversal};
+use crate::operator::{
+    CpuVector, HostRows, LinearOperator, Metric, RowTable, Storage, TileBlocks, Tiling, TransportOperator,
+    Vector, WalkPlan, brought, fetched,
+};
+use crate::scene::Strategy;
 
 /// `T` of a traversal on the CPU; in f64 it is what solutions in f32 are measured against.
 #[derive(Debug)]
@@ -113,6 +67,29 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> TransportOperator for Ho
             Self::Grey(transport) => transport.storage(),
             Self::Colored(transport) => transport.storage(),
         }
+    }
+}
+
+impl<T> HostRows for HostOperator<T>
+where
+    T: Traversal<f64, 1> + Traversal<f64, 3> + Debug + Send,
+{
+    fn table(&self) -> RowTable {
+        match self {
+            Self::Grey(transport) => RowTable::of(transport),
+            Self::Colored(transport) => RowTable::of(transport),
+        }
+    }
+
+    fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
+        TransportOperator::squares(self, weights)
+    }
+
+    fn tiles(&self, tiling: &Tiling, weights: &[f64], added: &[f64]) -> Result<Box<dyn TileBlocks>> {
+        Ok(match self {
+            Self::Grey(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
+            Self::Colored(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
+        })
     }
 }
 

@@ -8,14 +8,14 @@ use crate::{Error, Result};
 /// Error   the operators' own
 /// Cost    that of the operators
 #[derive(Debug)]
-pub struct Added<A: LinearOperator, B> {
+pub struct Sum<A: LinearOperator, B> {
     a: A,
     b: B,
     /// What B gives, in both directions.
     room: Mutex<(A::Range, A::Domain)>,
 }
 
-impl<A, B> Added<A, B>
+impl<A, B> Sum<A, B>
 where
     A: LinearOperator,
     B: LinearOperator<Domain = A::Domain, Range = A::Range>,
@@ -37,7 +37,7 @@ where
     }
 }
 
-impl<A, B> LinearOperator for Added<A, B>
+impl<A, B> LinearOperator for Sum<A, B>
 where
     A: LinearOperator,
     B: LinearOperator<Domain = A::Domain, Range = A::Range>,
