@@ -94,38 +94,60 @@ fn a_solution_has_its_light_map_pictures_and_files() {
     assert!(!folder.path().join("court_after.png").exists());
 }
 
-/// The court of the citadel as it is painted on: previews of so many pixels.
-fn live(width: usize) -> LiveJob {
-    citadel(&[]).live(Preview::Width(width)).unwrap()
+/// The citadel as it is painted on: previews of so many pixels, solved to a part of the gradient at x₀.
+fn live(width: usize, tolerance: &str) -> LiveJob {
+    let overrides = [&format!("solve.tolerance={tolerance}"), "solve.iterations=2000"];
+    citadel(&overrides).live(Preview::Width(width)).unwrap()
 }
+
+/// The first stroke of the court, in pixels of the full picture.
+fn first_stroke(live: &LiveJob) -> Stroke {
+    let scale = 1.0 / live.scale("court").unwrap();
+    let stroke = live.strokes("court").unwrap()[0].clone();
+    let points = stroke.points.iter().map(|point| point.map(|x| x * scale)).collect();
+    Stroke { points, radius: stroke.radius * scale, ..stroke }
+}
+
+type Change = fn(&mut Stroke);
+
+/// What somebody does to a stroke, and how much farther the objective may be, relative to that at x₀, than the one from there.
+const CHANGES: [(&str, Change, f64); 2] = [
+    ("another shade", |stroke| stroke.color = stroke.color.map(|c| 0.9 * c + 0.05), 1e-4),
+    ("narrower", |stroke| stroke.radius *= 0.8, 1e-4),
+];
 
 #[test]
 fn solving_on_after_a_stroke_takes_a_third_and_ends_at_the_same() {
-    let mut live = live(240);
-    live.advance(400).unwrap();
-    let stroke = live.strokes("court").unwrap()[0].clone();
-    let other = Stroke { color: [0.1, 0.9, 0.3], ..stroke };
-    // Strokes are in pixels of the preview there, and in those of the full picture here.
-    let scale = 1.0 / live.scale("court").unwrap();
-    let full = Stroke {
-        points: other.points.iter().map(|point| point.map(|x| x * scale)).collect(),
-        radius: other.radius * scale,
-        ..other
-    };
-    live.replace("court", 0, Some(full)).unwrap();
-    let on = live.advance(400).unwrap();
-    live.begin_anew();
-    let anew = live.advance(400).unwrap();
-    println!("going on: {on:?}\nfrom the start: {anew:?}");
-    assert!(on.applications * 3 < anew.applications, "{} of {}", on.applications, anew.applications);
-    for c in 0..3 {
-        assert!((on.objective[c] / anew.objective[c] - 1.0).abs() < 1e-4, "{on:?} and {anew:?}");
+    let mut live = live(240, "1e-4");
+    for (what, change, bound) in CHANGES {
+        live.advance(2000).unwrap();
+        let mut stroke = first_stroke(&live);
+        change(&mut stroke);
+        live.replace("court", 0, Some(stroke)).unwrap();
+        let on = live.advance(2000).unwrap();
+        live.begin_anew();
+        let anew = live.advance(2000).unwrap();
+        println!("{what}: {on:?}\n  from x₀: {anew:?}");
+        assert!(on.gradient.iter().all(|&gradient| gradient <= 1.5e-4), "{what}");
+        assert!(
+            3 * on.applications < anew.applications,
+            "{what}: {} of {}",
+            on.applications,
+            anew.applications
+        );
+        for c in 0..3 {
+            assert!((on.objective[c] - anew.objective[c]).abs() < bound, "{what}: {on:?} and {anew:?}");
+        }
     }
+    // To begin from x₀ is not to go on.
+    live.begin_anew();
+    let anew = live.advance(2000).unwrap();
+    assert!(anew.applications > 100);
 }
 
 #[test]
 fn what_goes_on_without_a_change_is_one_solve_to_the_bit() {
-    let (mut whole, mut pieces) = (live(120), live(120));
+    let (mut whole, mut pieces) = (live(120, "0"), live(120, "0"));
     let all = whole.advance(9).unwrap();
     pieces.advance(4).unwrap();
     let rest = pieces.advance(5).unwrap();
@@ -135,7 +157,7 @@ fn what_goes_on_without_a_change_is_one_solve_to_the_bit() {
 
 #[test]
 fn strokes_come_and_go_and_nothing_changes_where_one_is_refused() {
-    let mut live = live(120);
+    let mut live = live(120, "1e-3");
     let before = live.painting("court").unwrap();
     let dab = Stroke {
         points: vec![[300.0, 200.0]],
