@@ -39,7 +39,9 @@ use crate::scene::{KeyFrame, Scene, VolumeScene};
 use crate::visibility::Geometry;
 use crate::{Error, Result, io};
 
-pub(crate) use budget::{SHADOW_TEXEL, mebibytes, painted};
+#[cfg(feature = "cli")]
+pub(crate) use budget::mebibytes;
+pub(crate) use budget::{SHADOW_TEXEL, painted};
 #[cfg(feature = "gpu")]
 pub(crate) use compute::device;
 pub(crate) use engine::Engine;

@@ -20,6 +20,7 @@ use crate::report::bench::{self as report, Held, Record, Skipped, Sweep};
 pub use cases::Level;
 use cases::{Between, Case, Place, cases};
 use counts::Counts;
+#[cfg(feature = "cli")]
 pub(crate) use counts::LEFT_OUT;
 use log::Log;
 use measure::{Bench, Patience};
