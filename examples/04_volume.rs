@@ -20,7 +20,8 @@ const SCENE: &str = r##"{
     "albedo": 0.8
   },
   "find": "emission",
-  "environment": { "radiance": 1 },
+  "target": "radiance",
+  "environment": { "radiance": 0.05 },
   "views": [
     {
       "name": "front",
@@ -54,7 +55,8 @@ fn main() -> unscatter::Result<()> {
     let options = Options { turntable: 3, ..Options::default() };
     let found = Job::new(scene).with(options).solve(&mut Listener)?;
     let emission = &found.volume()?.medium.emission;
-    let brightest = (0..emission.grid().len()).map(|index| emission.color(index)[0]).fold(0.0, f32::max);
+    let red = (0..emission.grid().len()).map(|index| emission.color(index)[0]);
+    let brightest = red.fold(0.0, f32::max);
     println!("the brightest voxel glows with {brightest:.2}; {:?} pixels", found.picture("front")?.size());
     found.write(folder)?;
     Ok(())
