@@ -8,6 +8,7 @@ use super::args::{
 };
 use super::bar::Bar;
 use super::{Done, FAULT, Manners, watch_interrupt, words};
+use crate::io::scene_file::{Subject, subject};
 use crate::io::to_json;
 use crate::job::{EngineChoice, Job, Options, Scenes, Written};
 use crate::{Error, Result};
@@ -20,9 +21,28 @@ impl SceneArguments {
         Job::open_with(&self.scene, &overrides)
     }
 
-    /// Errors: [`Error::Value`] for a scene that is not `expected`.
-    fn refused(&self, given: &str, expected: &'static str) -> Error {
-        Error::value(self.scene.display().to_string(), given, expected)
+    /// As [`Self::open`], for a command that finds the light or the medium of one kind of scene only. The kind comes
+    /// first: on the other kind, its flags would be complained about as settings that the scene does not have. What is
+    /// wrong in the file itself is told before either.
+    fn open_as(&self, wanted: Subject, flags: &[String]) -> Result<Job> {
+        let is = subject(&self.scene)?;
+        if is == wanted {
+            return self.open(flags);
+        }
+        Job::open(&self.scene)?;
+        let (given, expected) = match is {
+            Subject::LightMap => {
+                ("a scene without `volume`", "one with; light maps are found by `unscatter light-map`")
+            }
+            Subject::Volume => (
+                "a scene with `volume`, without `animation`",
+                "another; volumes are found by `unscatter volume`",
+            ),
+            Subject::Animation => {
+                ("a scene with `animation`", "one without; animations are made by `unscatter animate`")
+            }
+        };
+        Err(Error::value(self.scene.display().to_string(), given, expected))
     }
 }
 
@@ -79,11 +99,7 @@ pub(super) fn light_map(arguments: &LightMapArguments, manners: &Manners) -> Res
     let bar = Bar::new(manners.quiet);
     let mut flags = arguments.solve.overrides();
     flags.extend(arguments.fill.then(|| "solve.fill=true".to_owned()));
-    let job = arguments.scene.open(&flags)?;
-    if !matches!(job.scenes(), Scenes::LightMap(_)) {
-        let expected = "a scene without; volumes are found by `unscatter volume`";
-        return Err(arguments.scene.refused("a scene with a `volume`", expected));
-    }
+    let job = arguments.scene.open_as(Subject::LightMap, &flags)?;
     let folder = arguments.output.folder(&arguments.scene.scene);
     let options =
         Options { rasterize: arguments.rasterize, ..options(&arguments.backend, &arguments.solve, &folder) };
@@ -93,18 +109,7 @@ pub(super) fn light_map(arguments: &LightMapArguments, manners: &Manners) -> Res
 /// `unscatter volume`: finds what the scene asks for, stage by stage, and writes volumes, pictures and a report.
 pub(super) fn volume(arguments: &VolumeArguments, manners: &Manners) -> Result<Done> {
     let bar = Bar::new(manners.quiet);
-    let job = arguments.scene.open(&arguments.overrides())?;
-    match job.scenes() {
-        Scenes::Volume(_) => {}
-        Scenes::LightMap(_) => {
-            let expected = "a volume scene; light maps are found by `unscatter light-map`";
-            return Err(arguments.scene.refused("a scene without `volume`", expected));
-        }
-        Scenes::Animation(_) => {
-            let expected = "a scene without; animations are made by `unscatter animate`";
-            return Err(arguments.scene.refused("a scene with `animation`", expected));
-        }
-    }
+    let job = arguments.scene.open_as(Subject::Volume, &arguments.overrides())?;
     let folder = arguments.output.folder(&arguments.scene.scene);
     let options = Options {
         formats: arguments.formats()?,
@@ -117,11 +122,7 @@ pub(super) fn volume(arguments: &VolumeArguments, manners: &Manners) -> Result<D
 /// `unscatter animate`: solves the key frames, spreads what they found, blends, and draws every frame.
 pub(super) fn animate(arguments: &AnimateArguments, manners: &Manners) -> Result<Done> {
     let bar = Bar::new(manners.quiet);
-    let job = arguments.scene.open(&arguments.overrides())?;
-    if !matches!(job.scenes(), Scenes::Animation(_)) {
-        let expected = "a volume scene with key frames; other volumes are found by `unscatter volume`";
-        return Err(arguments.scene.refused("a scene without `animation`", expected));
-    }
+    let job = arguments.scene.open_as(Subject::Animation, &arguments.overrides())?;
     let folder = arguments.output.folder(&arguments.scene.scene);
     let options = Options {
         formats: arguments.formats()?,

@@ -169,6 +169,20 @@ impl Gpu {
         Ok(Reserve { _taken: taken })
     }
 
+    /// Memory that the host reads.
+    ///
+    /// Errors: [`Error::AdapterMemory`].
+    fn memory_to_read(&self, what: &str, bytes: u64) -> Result<wgpu::Buffer> {
+        self.guarded(what, bytes, || {
+            self.0.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("reading"),
+                size: bytes,
+                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+                mapped_at_creation: false,
+            })
+        })
+    }
+
     /// Reads memory back: a round trip.
     pub(super) fn read<T: Pod>(&self, allocation: &Allocation, offset: u64, count: usize) -> Result<Vec<T>> {
         self.check()?;
@@ -176,12 +190,7 @@ impl Gpu {
         let mut done = 0;
         while done < bytes {
             let part = (bytes - done).min(READ_AT_ONCE);
-            let staging = self.0.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("reading"),
-                size: part,
-                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-                mapped_at_creation: false,
-            });
+            let staging = self.memory_to_read("what it gives back", part)?;
             self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |encoder| {
                 encoder.copy_buffer_to_buffer(&allocation.buffer, offset + done, &staging, 0, part);
             });
@@ -216,14 +225,7 @@ impl Gpu {
         bytes: u64,
         draw: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::Buffer),
     ) -> Result<Vec<T>> {
-        let staging = self.guarded("a picture", bytes, || {
-            self.0.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("reading"),
-                size: bytes,
-                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-                mapped_at_creation: false,
-            })
-        })?;
+        let staging = self.memory_to_read("a picture", bytes)?;
         self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |encoder| draw(encoder, &staging));
         self.map(&staging, bytes)
     }

@@ -180,7 +180,11 @@ impl Table {
             let of_x = x.slabs([channel, channels]).next();
             let of_y = y.slabs([channel, channels]).next();
             let (Some(of_x), Some(of_y)) = (of_x, of_y) else { continue };
-            for slab in &self.slabs {
+            for (number, slab) in self.slabs.iter().enumerate() {
+                // What exceeds a binding takes long enough for a submission of its own.
+                if number > 0 {
+                    gpu.hand_over();
+                }
                 let params = Rows {
                     rows: slab.rows as u32,
                     y_first: slab.first as u32,

@@ -166,7 +166,7 @@ impl LiveJob {
     }
 
     /// Goes on for so many iterations, or until the gradient has fallen to `solve.tolerance` of that at x₀, or somebody asks to stop, who
-    /// is heard within an iteration.
+    /// is heard within an iteration. That request is then done with: the next call goes on.
     ///
     /// Errors: [`Error::Empty`] where nothing is painted; those of the method.
     pub fn advance(&mut self, iterations: usize) -> Result<Standing> {
@@ -217,6 +217,9 @@ impl LiveJob {
             objective: outcome.true_residual.map(|residual| residual.powi(2)),
             stop: outcome.stop.reason,
         };
+        if standing.stop == StopReason::Interrupted {
+            self.stop.withdraw();
+        }
         self.x = solved.x;
         self.paused = left.map(|left| (left, coverage));
         Ok(standing)

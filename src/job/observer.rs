@@ -116,6 +116,11 @@ impl Stop {
         self.0.load(Ordering::SeqCst)
     }
 
+    /// Takes the request back.
+    pub fn withdraw(&self) {
+        self.0.store(false, Ordering::SeqCst);
+    }
+
     /// What a solve is told after an iteration.
     pub(crate) fn control(&self) -> Control {
         if self.is_asked() { Control::Stop } else { Control::Continue }

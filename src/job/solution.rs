@@ -179,7 +179,9 @@ impl Solution {
         let mut steps = Steps::new(observer, &self.options.stop, self.timings.clone());
         steps.begin("writing", None);
         let (in_page, drawn) = self.found.write(&self.options, folder, &mut steps)?;
-        let is_interrupted = self.is_interrupted() || steps.stops();
+        // Of the others everything is written, whoever asks to stop now.
+        let leaves_frames_out = matches!(self.found, Found::Animation(_)) && steps.stops();
+        let is_interrupted = self.is_interrupted() || leaves_frames_out;
         let total = self.total() + clock.elapsed().as_secs_f64();
         let timings = steps.finish().into_iter().chain([("total".to_owned(), total)]);
         let mut report = Report { timings: timings.collect(), ..self.report.clone() };

@@ -5,6 +5,7 @@ use unscatter::job::{
     Iteration, Job, LiveJob, Observer, Options, Preview, Quiet, Solution, Step, Stop, Wish,
 };
 use unscatter::scene::Stroke;
+use unscatter::solve::StopReason;
 
 use crate::root;
 
@@ -153,6 +154,18 @@ fn what_goes_on_without_a_change_is_one_solve_to_the_bit() {
     let rest = pieces.advance(5).unwrap();
     assert_eq!((all.iterations, all.applications), (rest.iterations, rest.applications));
     assert_eq!(whole.light_map().unwrap().pixels, pieces.light_map().unwrap().pixels);
+}
+
+#[test]
+fn who_stops_a_live_job_is_heard_at_once_and_only_once() {
+    let (mut stopped, mut whole) = (live(120, "0"), live(120, "0"));
+    stopped.stop().ask();
+    let cut = stopped.advance(9).unwrap();
+    assert_eq!((cut.stop, cut.iterations), (StopReason::Interrupted, 1));
+    let rest = stopped.advance(8).unwrap();
+    assert_eq!((rest.stop, rest.iterations), (StopReason::Iterations, 9));
+    whole.advance(9).unwrap();
+    assert_eq!(stopped.light_map().unwrap().pixels, whole.light_map().unwrap().pixels);
 }
 
 #[test]

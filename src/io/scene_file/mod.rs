@@ -115,7 +115,7 @@ pub enum Subject {
     Animation,
 }
 
-/// Whether a scene file describes a volume; one that cannot be read is left to [`load`] to complain about.
+/// What a scene file is about; one that cannot be read is left to [`load`] to complain about.
 pub fn subject(path: &Path) -> Result<Subject> {
     let bytes = read::bytes(path)?;
     let value = std::str::from_utf8(&bytes).ok().and_then(|text| read::value(text).ok());

@@ -215,6 +215,11 @@ fn commands_for_the_other_kind_of_scene_say_so() {
     desk.run(&["light-map", "scene.json"]).exits_with(1).tells("unscatter volume");
     let other = Desk::new();
     other.run(&["volume", "scene.json"]).exits_with(1).tells("unscatter light-map");
+    other.run(&["volume", "scene.json", "--find", "emission"]).exits_with(1).tells("unscatter light-map");
+    other.run(&["animate", "scene.json"]).exits_with(1).tells("unscatter light-map");
+    desk.run(&["animate", "scene.json"]).exits_with(1).tells("unscatter volume");
+    other.put("scene.json", "{ \"volume\": ");
+    other.run(&["volume", "scene.json"]).exits_with(1).tells("line 1");
     assert!(scene()["volume"].is_object());
 }
 
