@@ -24,9 +24,9 @@ use scenes::mist;
 use scenes::volume::Cloud;
 use unscatter::cpu::{TileMetric, Transport};
 use unscatter::march::{Traversal, Weight};
-use unscatter::operator::{CpuVector, LinearOperator, Tiling, Vector, WalkPlan};
-use unscatter::problem::{Formulation, LightMapProblem, VolumeOperator, VolumeProblem, VolumeRows};
-use unscatter::scene::{Basis, Find, Interpolation, Strategy};
+use unscatter::operator::{CpuVector, LinearOperator, OnHost, Tiling, Vector, WalkPlan};
+use unscatter::problem::{LightMapProblem, Problem, VolumeProblem, VolumeRows};
+use unscatter::scene::{Basis, Find, Interpolation, SolveSettings, Strategy};
 use unscatter::sparse::ExplicitMatrix;
 
 /// Rows of the explicit matrix.
@@ -47,7 +47,7 @@ fn main() {
         let mut scene = mist::scaled(&mist::CASES[1], 16 / by);
         scene.light_map.size = [512 / by; 2];
         let problem = LightMapProblem::new(&scene).unwrap();
-        let tiling = tiling(&problem.formulation(&scene.solve).unwrap());
+        let tiling = tiling(&problem);
         (problem.traversal, tiling)
     });
     for (of, basis) in [("nearest", Interpolation::Nearest), ("trilinear", Interpolation::Trilinear)] {
@@ -64,7 +64,7 @@ fn main() {
         Cloud::seen_from_around(false, Interpolation::Nearest).shrunk(by).problem(Find::Environment)
     });
     consumers(&mut rates, "light around a volume", Tiles::OfWeights, || {
-        (lit.traversal.clone(), tiling(&lit.formulation()))
+        (lit.traversal.clone(), tiling(&*lit))
     });
     light_volumes(&mut rates, &lit);
     rates.finish();
@@ -78,15 +78,15 @@ enum Tiles {
 }
 
 fn rows(problem: VolumeProblem) -> (VolumeRows, Tiling) {
-    let tiling = tiling(&problem.formulation());
+    let tiling = tiling(&problem);
     (problem.traversal, tiling)
 }
 
 /// Tiles over all elements of a problem.
-fn tiling(problem: &Formulation) -> Tiling {
-    let elements: Vec<u32> = (0..problem.start.len() as u32).collect();
-    let places: Vec<u32> = elements.iter().map(|&element| problem.lattice.place(element)).collect();
-    Tiling::placed(problem.lattice.size, elements.len(), &elements, &places)
+fn tiling(problem: &dyn Problem) -> Tiling {
+    let formulation = problem.formulation(&SolveSettings::default()).unwrap();
+    let elements: Vec<u32> = (0..formulation.elements() as u32).collect();
+    Tiling::placed(&formulation.lattices(), elements.len(), &elements, &formulation.places(&elements))
 }
 
 /// Rows evenly spread over those of a traversal.
@@ -187,7 +187,7 @@ fn consumers<T: Traversal<f64, 1> + Clone>(
     });
 }
 
-type OfVolume = fn(&VolumeOperator, &mut CpuVector, &mut CpuVector);
+type OfVolume = fn(&OnHost, &mut CpuVector, &mut CpuVector);
 
 /// What takes the place of rows that do not fit: bytes are those of the factor that is kept, and of the vectors.
 fn light_volumes(rates: &mut Rates, problem: &impl Deref<Target = VolumeProblem>) {
@@ -197,14 +197,14 @@ fn light_volumes(rates: &mut Rates, problem: &impl Deref<Target = VolumeProblem>
     ];
     for (product, apply) in products {
         rates.bench("light volumes", product, || {
-            let operator = problem.operator(Strategy::MatrixFree, u64::MAX).unwrap();
+            let operator = problem.on_cpu(Strategy::MatrixFree, u64::MAX).unwrap();
             let (mut x, mut y) = (operator.domain(), operator.range());
             x.fill([1.0, 0.5, 0.25]);
             y.fill([1.0, 0.5, 0.25]);
             let VolumeRows::Lights(lit) = &problem.traversal else { unreachable!("rows of lights") };
             let bytes = lit.bytes() + bytes(&[x.len(), y.len()]);
             let work =
-                Work { rays: y.len() as u64, nonzeros: problem.plan.nonzeros, bytes, ..Work::default() };
+                Work { rays: y.len() as u64, nonzeros: problem.plan().nonzeros, bytes, ..Work::default() };
             (work, by_the_clock(move || apply(&operator, &mut x, &mut y)))
         });
     }

@@ -21,10 +21,10 @@ use scenes::volume::{Cloud, problem};
 use unscatter::cpu::Transport;
 use unscatter::march::LightMapTraversal;
 use unscatter::operator::{
-    Blocks, CpuVector, Identity, LinearOperator, Stacked, Storage, TransportOperator, Vector, WalkPlan,
-    adjoint_test,
+    Blocks, CpuVector, Identity, LinearOperator, OnHost, Stacked, Storage, TransportOperator, Vector,
+    WalkPlan, adjoint_test,
 };
-use unscatter::problem::{LightMapProblem, VolumeOperator, VolumeProblem, minimize, solve};
+use unscatter::problem::{LightMapProblem, Problem, VolumeProblem, solve};
 use unscatter::scene::{Basis, Find, Interpolation, Quadrature, SolveSettings, Strategy};
 use unscatter::solve::{Beginning, Cgls, Control, LeastSquares, Limits, drive};
 
@@ -70,9 +70,9 @@ fn citadel(rates: &mut Rates) {
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("strokes/citadel.json");
         let scene = unscatter::io::scene_file::load(&file, &[]).unwrap();
         let problem = LightMapProblem::new(&scene).unwrap();
-        let work = all_of(problem.operator(&scene, u64::MAX).unwrap().storage());
+        let work = all_of(problem.on_cpu(scene.solve.strategy, u64::MAX).unwrap().storage());
         let job = move || {
-            let operator = problem.operator(&scene, u64::MAX).unwrap();
+            let operator = problem.on_cpu(scene.solve.strategy, u64::MAX).unwrap();
             let coverage = operator.squares(&problem.weights()).unwrap();
             solve(&problem, &operator, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue)).unwrap()
         };
@@ -114,7 +114,7 @@ fn iterate(operator: &Transport<LightMapTraversal, f32, 1>) {
         .unwrap();
 }
 
-type Product = fn(&VolumeOperator, &mut CpuVector, &mut CpuVector);
+type Product = fn(&OnHost, &mut CpuVector, &mut CpuVector);
 
 fn volume(rates: &mut Rates, name: &str, cloud: &Cloud) {
     let made = LazyCell::new(|| (cloud.scene(), cloud.even()));
@@ -135,8 +135,8 @@ fn volume(rates: &mut Rates, name: &str, cloud: &Cloud) {
     }
 }
 
-fn assembled(problem: &VolumeProblem) -> VolumeOperator {
-    problem.operator(Strategy::Assembled, u64::MAX).unwrap()
+fn assembled(problem: &VolumeProblem) -> OnHost {
+    problem.on_cpu(Strategy::Assembled, u64::MAX).unwrap()
 }
 
 fn light(rates: &mut Rates, name: &str, cloud: &Cloud) {
@@ -149,7 +149,7 @@ fn light(rates: &mut Rates, name: &str, cloud: &Cloud) {
     let lit = LazyCell::new(set_up);
     let walking = || {
         let operator = assembled(&lit);
-        let coverage = operator.squares(&lit.row_weights()).unwrap();
+        let coverage = operator.squares(&lit.weights()).unwrap();
         adjoint_test(&operator, 1, 1).unwrap();
         (operator, coverage)
     };
@@ -163,7 +163,7 @@ fn light(rates: &mut Rates, name: &str, cloud: &Cloud) {
         let (lit, (operator, coverage)) = (&*lit, &*walked);
         let job = move || {
             let each = |_: &_, _: &mut dyn unscatter::problem::Snapshot| Ok(Control::Continue);
-            minimize(&lit.formulation(), operator, coverage, &settings, None, each).unwrap()
+            solve(lit, operator, coverage, &settings, None, each).unwrap()
         };
         (all_of(operator.storage()), by_the_clock(job))
     });

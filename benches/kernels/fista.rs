@@ -13,7 +13,7 @@ use unscatter::march::LightMapTraversal;
 use unscatter::operator::{
     CpuVector, LinearOperator, Metric, Storage, TileBlocks, Tiling, TransportOperator, Vector, WalkPlan,
 };
-use unscatter::problem::{Formulation, Lattice, Start, System, SystemOperator};
+use unscatter::problem::{Formulation, Lattice, Part, Start, System, SystemOperator};
 use unscatter::scene::{SolveSettings, Strategy};
 use unscatter::solve::{Beginning, Control, Fista, Limits, drive};
 
@@ -69,14 +69,19 @@ impl Rows {
         let settings = SolveSettings::default();
         let ones = vec![[1.0; 3]; field.painted];
         let coverage = self.squares(&CpuVector(ones.clone())).unwrap();
+        let size = [field.map; 2];
         let formulation = Formulation {
             targets: &vec![[0.02, 0.01, 0.03]; field.painted],
             weights: Cow::Owned(ones),
             wanted: [1.0; 3],
-            start: Start::Everywhere([1.0; 3], field.map * field.map),
-            lattice: Lattice { size: &[field.map; 2], places: None },
-            bounds: Formulation::bounds_of(&settings).unwrap(),
-            steering: None,
+            parts: vec![Part {
+                noun: "texels",
+                start: Start::Everywhere([1.0; 3], field.map * field.map),
+                bounds: settings.solver.kept(settings.bounds),
+                pull: 1.0,
+                lattice: Some(Lattice { size: &size, places: None }),
+                scale: 0,
+            }],
             remedy: "",
         };
         System::new(&formulation, self, &coverage, &settings).unwrap()

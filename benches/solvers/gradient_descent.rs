@@ -2,7 +2,7 @@
 
 use unscatter::Result;
 use unscatter::operator::{CpuVector, LinearOperator, TransportOperator, Vector};
-use unscatter::problem::{LightMapProblem, System, measure};
+use unscatter::problem::{LightMapProblem, Problem, System, measure};
 use unscatter::scene::{MetricName, Scene, SolverName};
 use unscatter::solve::{LeastSquares, Live, Measure, Memory, Method, Vectors};
 
@@ -61,7 +61,7 @@ impl<O: LinearOperator> Method<O> for GradientDescent<O> {
 }
 
 pub(crate) fn print(scene: &Scene, problem: &LightMapProblem, most: f64) {
-    let operator = problem.operator(scene, u64::MAX).unwrap();
+    let operator = problem.on_cpu(scene.solve.strategy, u64::MAX).unwrap();
     let coverage = operator.squares(&problem.weights()).unwrap();
     let mut settings = scene.solve.clone();
     settings.solver = SolverName::Cgls;

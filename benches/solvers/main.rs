@@ -19,7 +19,7 @@ use std::time::Instant;
 use race::{Course, Race};
 use unscatter::io::scene_file;
 use unscatter::operator::{CpuVector, LinearOperator, TransportOperator};
-use unscatter::problem::{LightMapProblem, System, measure, method};
+use unscatter::problem::{LightMapProblem, Problem, System, measure, method};
 use unscatter::scene::{MetricName, Scene, SolverName};
 
 const SCENES: [&str; 3] = ["citadel", "forest", "nave"];
@@ -49,7 +49,7 @@ fn main() {
 
 /// One method on one scene.
 fn run(scene: &Scene, problem: &LightMapProblem, race: &Race) -> Course {
-    let operator = problem.operator(scene, u64::MAX).unwrap();
+    let operator = problem.on_cpu(scene.solve.strategy, u64::MAX).unwrap();
     let coverage = operator.squares(&problem.weights()).unwrap();
     let mut settings = scene.solve.clone();
     settings.solver = race.solver;

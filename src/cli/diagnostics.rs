@@ -1,3 +1,5 @@
+use std::io::Write;
+
 use miette::{LabeledSpan, MietteDiagnostic, NamedSource, Report, SourceOffset};
 
 use crate::{Error, Fault};
@@ -5,17 +7,59 @@ use crate::{Error, Fault};
 /// Bytes of a line that a person can still read; longer ones are written by programs, and a column says more than they do.
 const READABLE: usize = 200;
 
+/// What settings are called in what the library says, and what the command says in its place.
+const FLAGS: [(&str, &str); 9] = [
+    ("raise solve.memory", "raise --memory"),
+    ("compute on the processor", "use --backend cpu"),
+    ("choose an adapter", "choose one by --backend gpu or --adapter"),
+    ("name a software adapter", "name a software adapter with --adapter"),
+    ("leave rasterize away", "leave --rasterize away"),
+    ("leave resume away", "leave --resume away"),
+    ("without resume", "without --resume"),
+    ("resume continues", "--resume continues"),
+    ("set by an override", "set by --set"),
+];
+
+/// Settings whose values may be refused, and their flags.
+const VALUES: [(&str, &str); 4] =
+    [("adapter", "--adapter"), ("frames", "--frames"), ("resume", "--resume"), ("override", "--set")];
+
+/// What the library says, with the flags of its settings.
+fn in_flags(text: &str) -> String {
+    FLAGS.iter().fold(text.to_owned(), |text, (setting, flag)| text.replace(setting, flag))
+}
+
+/// Standard error, for warnings: each is written whole.
+pub(super) struct Warnings;
+
+impl Write for Warnings {
+    fn write(&mut self, warning: &[u8]) -> std::io::Result<usize> {
+        std::io::stderr().write_all(in_flags(&String::from_utf8_lossy(warning)).as_bytes())?;
+        Ok(warning.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        std::io::stderr().flush()
+    }
+}
+
 /// Shows an error on standard error; one inside a scene file with the lines around it.
 pub(super) fn show(error: &Error) {
     let report = match error {
         Error::Scene { file, line, column, path, problem, suggestion } => {
             let help = suggestion.as_ref().map(|name| format!("did you mean `{name}`?"));
+            let problem = in_flags(problem);
             in_file(file, *line, *column, format!("{file}:{line}:{column}: {path}: {problem}"), help)
         }
-        other => Report::msg(match other.fault() {
+        Error::Value { path, value, expected } => {
+            let flag =
+                VALUES.iter().find(|(setting, _)| setting == path).map_or(path.as_str(), |(_, flag)| *flag);
+            Report::msg(Error::value(flag, value, expected))
+        }
+        other => Report::msg(in_flags(&match other.fault() {
             Fault::Machine => format!("this machine cannot do it: {other}"),
             Fault::Input => other.to_string(),
-        }),
+        })),
     };
     eprint_report(&report);
 }

@@ -135,5 +135,9 @@ fn watch_verbosity(arguments: &Arguments) {
         (_, 1) => tracing::Level::INFO,
         _ => tracing::Level::DEBUG,
     };
-    tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).with_target(false).init();
+    tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(|| diagnostics::Warnings)
+        .with_target(false)
+        .init();
 }

@@ -2,15 +2,70 @@
 
 use std::path::Path;
 
-use crate::job::{LightMapPlan, Plan, VolumePlan, mebibytes};
+use crate::job::{Plan, mebibytes};
 use crate::report::{self, Report};
 
 /// A plan in a few lines.
 pub(super) fn of_plan(plan: &Plan) -> String {
-    match plan {
-        Plan::LightMap(plan) => of_light_map_plan(plan),
-        Plan::Volume(plan) => of_volume_plan(plan),
-    }
+    let iteration = plan.seconds_per_iteration;
+    let count = |name: &str| plan.skipped.get(name).map_or(0, |share| share.count);
+    let of = |name: &str| plan.skipped.get(name).map_or(0, |share| share.of);
+    let mut skipped = Vec::new();
+    let mut note = |is_some: bool, words: String| {
+        if is_some {
+            skipped.push(words)
+        }
+    };
+    let (beside, outside, bricks) = (count("beside"), count("outside_hull"), of("empty_bricks"));
+    let (dark, logarithm) = (of("shadowed_cells"), count("without_logarithm"));
+    note(
+        dark > 0,
+        format!(
+            "{:.0} % of the rays' length over the map is in shadow",
+            100.0 * count("shadowed_cells") as f64 / dark.max(1) as f64
+        ),
+    );
+    note(bricks > 0, format!("{} of {bricks} bricks are empty", count("empty_bricks")));
+    note(outside > 0, format!("{outside} {} are outside the visual hull", plan.unit));
+    note(beside > 0, format!("{beside} wanted pixels meet nothing that is looked for"));
+    note(logarithm > 0, format!("{logarithm} have no logarithm"));
+    let around = match plan.surrounding_unknowns {
+        0 => String::new(),
+        lights => {
+            format!(
+                ", and {lights} lights around them; {} for what they meet",
+                mebibytes(plan.prepared_bytes)
+            )
+        }
+    };
+    format!(
+        "{}, {}: {} views, {} pixels\n\
+         rows        {} pixels of which something is wanted\n\
+         unknowns    {} of {} {} at most, of which those that a row reaches are solved for{around}\n\
+         non-zeros   about {}\n\
+         skipped     {}\n\
+         matrix      {} if kept, and {} for everything else; {} are allowed\n\
+         strategy    {} ({:.0} % of the rows are kept)\n\
+         time        {:.2} s to set up, then about {iteration:.3} s an iteration: at most {:.1} s for {} iterations",
+        plan.scene,
+        plan.find,
+        plan.views,
+        plan.pixels,
+        plan.rows,
+        plan.unknowns - plan.surrounding_unknowns,
+        plan.candidates - plan.surrounding_unknowns,
+        plan.unit,
+        plan.nonzeros,
+        if skipped.is_empty() { "nothing".to_owned() } else { skipped.join("; ") },
+        mebibytes(plan.matrix_bytes),
+        mebibytes(plan.other_bytes),
+        mebibytes(plan.budget_bytes),
+        plan.strategy,
+        100.0 * plan.kept,
+        plan.set_up_seconds,
+        iteration * plan.iterations as f64,
+        plan.iterations,
+    )
 }
 
 pub(super) fn of_light_map(report: &Report, folder: &Path) -> String {
@@ -90,74 +145,4 @@ pub(super) fn of_volume(report: &Report, folder: &Path) -> String {
     }
     lines.push(format!("results in {}", folder.join("report.html").display()));
     lines.join("\n")
-}
-
-fn of_light_map_plan(plan: &LightMapPlan) -> String {
-    let iteration = plan.seconds_per_iteration;
-    format!(
-        "{}: {} views, {} pixels\n\
-         rows        {} painted pixels; the other pixels are skipped\n\
-         unknowns    {} texels, of which only those that painted rays reach are solved for{}\n\
-         non-zeros   about {}; {:.0} % of the rays' length over the map is in shadow and skipped\n\
-         matrix      {} if kept, and {} for everything else; {} are allowed\n\
-         strategy    {} ({:.0} % of the rows are kept)\n\
-         time        {:.2} s to set up, then about {iteration:.3} s an iteration: at most {:.1} s for {} iterations",
-        plan.scene,
-        plan.views,
-        plan.pixels,
-        plan.rows,
-        plan.unknowns - plan.surrounding_unknowns,
-        match plan.surrounding_unknowns {
-            0 => String::new(),
-            further => format!(
-                "; and {further} around them, for {} of shadow maps and weights",
-                mebibytes(plan.surrounding_bytes)
-            ),
-        },
-        plan.nonzeros,
-        100.0 * (1.0 - plan.lit_texels / plan.texels.max(f64::MIN_POSITIVE)),
-        mebibytes(plan.matrix_bytes),
-        mebibytes(plan.other_bytes),
-        mebibytes(plan.budget_bytes),
-        plan.strategy,
-        100.0 * plan.kept,
-        plan.set_up_seconds,
-        iteration * plan.iterations as f64,
-        plan.iterations,
-    )
-}
-
-fn of_volume_plan(plan: &VolumePlan) -> String {
-    let iteration = plan.seconds_per_iteration;
-    format!(
-        "{}, {}: {} views, {} pixels\n\
-         rows        {} wanted pixels; {} more meet nothing that is looked for, {} have no logarithm\n\
-         unknowns    {} of {} {}; {} are outside the visual hull, {} of {} bricks are empty\n\
-         non-zeros   about {}\n\
-         matrix      {} if kept, and {} for everything else; {} are allowed\n\
-         strategy    {} ({:.0} % of the rows are kept)\n\
-         time        {:.2} s to set up, then about {iteration:.3} s an iteration: at most {:.1} s for {} iterations",
-        plan.scene,
-        plan.find,
-        plan.views,
-        plan.pixels,
-        plan.rows,
-        plan.beside,
-        plan.without_logarithm,
-        plan.unknowns,
-        plan.candidates,
-        plan.unit,
-        plan.outside_hull,
-        plan.empty_bricks,
-        plan.bricks,
-        plan.nonzeros,
-        mebibytes(plan.matrix_bytes),
-        mebibytes(plan.other_bytes),
-        mebibytes(plan.budget_bytes),
-        plan.strategy,
-        100.0 * plan.kept,
-        plan.set_up_seconds,
-        iteration * plan.iterations as f64,
-        plan.iterations,
-    )
 }

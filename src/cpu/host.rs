@@ -9,6 +9,16 @@ use crate::operator::{
 };
 use crate::scene::Strategy;
 
+/// Does the same with either kind.
+macro_rules! of_any {
+    ($operator:expr, $transport:ident => $done:expr) => {
+        match $operator {
+            HostOperator::Grey($transport) => $done,
+            HostOperator::Colored($transport) => $done,
+        }
+    };
+}
+
 /// `T` of a traversal on the CPU; in f64 it is what solutions in f32 are measured against.
 #[derive(Debug)]
 pub enum HostOperator<T, F = f32> {
@@ -43,10 +53,7 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> TransportOperator for Ho
 
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
         let weights = brought(CpuVector::zeros(weights.len()), &weights.0)?;
-        let squares = match self {
-            Self::Grey(transport) => transport.squares(&weights),
-            Self::Colored(transport) => transport.squares(&weights),
-        };
+        let squares = of_any!(self, transport => transport.squares(&weights));
         Ok(CpuVector(fetched(&squares?)?))
     }
 
@@ -56,17 +63,11 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> TransportOperator for Ho
         weights: &[f64],
         added: &[f64],
     ) -> Result<Box<dyn Metric<CpuVector<F>>>> {
-        Ok(match self {
-            Self::Grey(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
-            Self::Colored(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
-        })
+        Ok(of_any!(self, transport => Box::new(TileMetric::new(transport, tiling, weights, added)?)))
     }
 
     fn storage(&self) -> Storage {
-        match self {
-            Self::Grey(transport) => transport.storage(),
-            Self::Colored(transport) => transport.storage(),
-        }
+        of_any!(self, transport => transport.storage())
     }
 }
 
@@ -75,10 +76,7 @@ where
     T: Traversal<f64, 1> + Traversal<f64, 3> + Debug + Send,
 {
     fn table(&self) -> RowTable {
-        match self {
-            Self::Grey(transport) => RowTable::of(transport),
-            Self::Colored(transport) => RowTable::of(transport),
-        }
+        of_any!(self, transport => RowTable::of(transport))
     }
 
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
@@ -86,10 +84,7 @@ where
     }
 
     fn tiles(&self, tiling: &Tiling, weights: &[f64], added: &[f64]) -> Result<Box<dyn TileBlocks>> {
-        Ok(match self {
-            Self::Grey(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
-            Self::Colored(transport) => Box::new(TileMetric::new(transport, tiling, weights, added)?),
-        })
+        Ok(of_any!(self, transport => Box::new(TileMetric::new(transport, tiling, weights, added)?)))
     }
 }
 
@@ -98,30 +93,18 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> LinearOperator for HostO
     type Range = CpuVector<F>;
 
     fn domain(&self) -> CpuVector<F> {
-        match self {
-            Self::Grey(transport) => transport.domain(),
-            Self::Colored(transport) => transport.domain(),
-        }
+        of_any!(self, transport => transport.domain())
     }
 
     fn range(&self) -> CpuVector<F> {
-        match self {
-            Self::Grey(transport) => transport.range(),
-            Self::Colored(transport) => transport.range(),
-        }
+        of_any!(self, transport => transport.range())
     }
 
     fn apply(&self, x: &CpuVector<F>, y: &mut CpuVector<F>) -> Result<()> {
-        match self {
-            Self::Grey(transport) => transport.apply(x, y),
-            Self::Colored(transport) => transport.apply(x, y),
-        }
+        of_any!(self, transport => transport.apply(x, y))
     }
 
     fn apply_adjoint(&self, y: &CpuVector<F>, x: &mut CpuVector<F>) -> Result<()> {
-        match self {
-            Self::Grey(transport) => transport.apply_adjoint(y, x),
-            Self::Colored(transport) => transport.apply_adjoint(y, x),
-        }
+        of_any!(self, transport => transport.apply_adjoint(y, x))
     }
 }

@@ -67,7 +67,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
                     what: "the assembled transport".to_owned(),
                     needed: format!("{bytes} bytes"),
                     limit: format!("{budget} bytes"),
-                    remedy: "raise --memory, lower the sizes, or choose the strategy `auto` or `matrix-free`",
+                    remedy: "raise solve.memory, lower the sizes, or choose the strategy `auto` or `matrix-free`",
                 });
             }
             Strategy::Auto => (rows as f64 * budget as f64 / bytes as f64) as usize / CHUNK * CHUNK,

@@ -192,15 +192,15 @@ pub(super) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterRecord)> 
             Some(name) => Error::Adapter {
                 adapter: name.clone(),
                 problem: format!("is not there: this machine has {list}"),
-                remedy: "name one of those, or use --backend cpu",
+                remedy: "name one of those, or compute on the processor",
             },
             None => Error::Adapter {
                 adapter: "any hardware".to_owned(),
                 problem: format!("is not there: this machine has {list}"),
                 remedy: if names.is_empty() {
-                    "use --backend cpu, or install a Vulkan driver"
+                    "compute on the processor, or install a Vulkan driver"
                 } else {
-                    "use --backend cpu, name a software adapter with --adapter, or install the driver of a graphics card"
+                    "compute on the processor, name a software adapter, or install the driver of a graphics card"
                 },
             },
         });
@@ -208,6 +208,6 @@ pub(super) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterRecord)> 
     meant.into_iter().find(|(_, record)| record.missing.is_empty()).ok_or_else(|| Error::Adapter {
         adapter: first.name,
         problem: format!("lacks {}", first.missing.join(" and ")),
-        remedy: "use --backend cpu, or update its driver",
+        remedy: "compute on the processor, or update its driver",
     })
 }

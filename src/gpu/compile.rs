@@ -41,7 +41,7 @@ impl Gpu {
             Some(error) => Err(Error::Adapter {
                 adapter: self.0.record.name.clone(),
                 problem: format!("cannot compile the kernel `{name}`: {}", one_line(&error.to_string())),
-                remedy: "use --backend cpu, or update its driver",
+                remedy: "compute on the processor, or update its driver",
             }),
         }
     }

@@ -15,11 +15,11 @@ use super::sums::Waiting;
 use crate::{Error, Result};
 
 /// What to do about an adapter that has failed.
-const WITHOUT: &str = "use --backend cpu; --resume continues from the last checkpoint";
+const WITHOUT: &str = "compute on the processor; resume continues from the last checkpoint";
 
 /// The same, where its memory was too small.
 const SMALLER: &str =
-    "lower the maps' or views' sizes, or use --backend cpu; --resume continues from the last checkpoint";
+    "lower the maps' or views' sizes, or compute on the processor; resume continues from the last checkpoint";
 
 /// A graphics adapter at work, for one thread. Clones are the same one.
 ///
@@ -85,7 +85,7 @@ impl Gpu {
         let (device, queue) = opened.map_err(|error| Error::Adapter {
             adapter: record.name.clone(),
             problem: format!("cannot be opened: {}", one_line(&error.to_string())),
-            remedy: "use --backend cpu, or update its driver",
+            remedy: "compute on the processor, or update its driver",
         })?;
         let failure = Arc::new(Mutex::new(None));
         let (name, first) = (record.name.clone(), failure.clone());

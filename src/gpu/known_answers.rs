@@ -213,6 +213,6 @@ fn agree(gpu: &Gpu, what: &str, got: &[[f64; 3]], expected: &[[f64; 3]], toleran
     Err(Error::Adapter {
         adapter: gpu.record().name.clone(),
         problem: format!("computes {what} wrong: {got} instead of {expected}"),
-        remedy: "update its driver, or use --backend cpu",
+        remedy: "update its driver, or compute on the processor",
     })
 }

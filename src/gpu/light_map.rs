@@ -61,7 +61,7 @@ impl Walked {
                 what: "the shadow map on the adapter".to_owned(),
                 needed: format!("{bytes} bytes"),
                 limit: format!("{} bytes", gpu.binding_limit()),
-                remedy: "lower shadow_map.size, or use --backend cpu",
+                remedy: "lower shadow_map.size, or compute on the processor",
             });
         }
         let at_once = gpu.rays_at_once(size_of::<Ray>());
@@ -142,7 +142,7 @@ fn check_rounds(gpu: &Gpu, traversal: &LightMapTraversal, accumulation: Accumula
         what: "a ray on a software adapter".to_owned(),
         needed: format!("{needed} rounds of its loops"),
         limit: ROUNDS.to_string(),
-        remedy: "lower the maps' sizes or the steps, choose the strategy `assembled`, or use --backend cpu",
+        remedy: "lower the maps' sizes or the steps, choose the strategy `assembled`, or compute on the processor",
     })
 }
 

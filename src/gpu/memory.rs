@@ -80,7 +80,7 @@ impl Gpu {
             what: what.to_owned(),
             needed: mebibytes(bytes),
             held: mebibytes(self.held()),
-            remedy: "lower light_map.size or the views' sizes, choose the strategy `matrix-free`, or use --backend cpu",
+            remedy: "lower light_map.size or the views' sizes, choose the strategy `matrix-free`, or compute on the processor",
         };
         if bytes > self.0.record.buffer_limit {
             return Err(refused());

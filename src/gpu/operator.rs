@@ -114,7 +114,7 @@ impl GpuOperator {
                     what: "the assembled transport on an adapter".to_owned(),
                     needed: format!("{} bytes", 2 * bytes),
                     limit: format!("{budget} bytes"),
-                    remedy: "raise --memory, lower the sizes, or choose the strategy `auto` or `matrix-free`",
+                    remedy: "raise solve.memory, lower the sizes, or choose the strategy `auto` or `matrix-free`",
                 });
             }
             Strategy::Auto => None,

@@ -88,7 +88,7 @@ impl Gpu {
                 what: "a sum on an adapter".to_owned(),
                 needed: format!("{numbers} pieces"),
                 limit: CAPACITY.to_string(),
-                remedy: "lower the sizes, or use --backend cpu",
+                remedy: "lower the sizes, or compute on the processor",
             });
         }
         if self.0.waiting.borrow().used + numbers > CAPACITY {

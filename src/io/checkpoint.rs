@@ -74,7 +74,7 @@ impl Checkpoint {
         let header: Header =
             serde_json::from_str(&line(1 << 16)?).map_err(|_| wrong("its header cannot be read"))?;
         if header.fingerprint != format!("{fingerprint:016x}") {
-            return Err(wrong("the scene or its settings have changed; solve again without --resume"));
+            return Err(wrong("the scene or its settings have changed; solve again without resume"));
         }
         let mut blocks = Vec::new();
         for length in header.lengths {

@@ -5,13 +5,15 @@ use std::path::{Path, PathBuf};
 
 use super::folder::Folder;
 use crate::io::Checkpoint;
-use crate::problem::{LightMapProblem, Paused, Snapshot, VolumeProblem};
-use crate::scene::{Scene, SolveSettings};
+use crate::problem::{Paused, Problem, Snapshot, evenly};
+use crate::scene::SolveSettings;
 use crate::solve::{History, Measure, Progress, Progressing, State};
 use crate::{Error, Result};
 
 /// Numbers of one entry of the history.
 const ENTRY: usize = 9;
+/// Rows that tell one T from another.
+const ROWS: usize = 1024;
 
 /// Keeps a solve in the checkpoint of its output folder.
 #[derive(Debug)]
@@ -108,45 +110,17 @@ impl Keeper {
     }
 }
 
-/// A hash of everything that the path of a volume's solve depends on; limits may change between its parts.
-pub(super) fn of_volume(settings: &SolveSettings, problem: &VolumeProblem) -> u64 {
+/// A hash of everything that the path of a solve depends on; limits may change between its parts.
+pub(super) fn fingerprint(settings: &SolveSettings, problem: &dyn Problem) -> Result<u64> {
     let mut hash = Mixed(0);
-    let transport = problem.traversal.transport();
+    let formulation = problem.formulation(settings)?;
+    let parts = formulation.parts.iter().map(|part| {
+        let size = part.lattice.map(|lattice| lattice.size);
+        format!("{} {} {:?} {} {size:?} {}", part.noun, part.start.len(), part.bounds, part.pull, part.scale)
+    });
     let words = format!(
-        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?} {:?}",
+        "{:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?}",
         settings.solver,
-        problem.formulation().bounds,
-        problem.formulation().steering,
-        settings.metric,
-        settings.quadrature,
-        settings.regularization,
-        settings.strategy,
-        settings.transmittance_bound,
-        settings.skip,
-        transport.basis,
-        problem.size(),
-    );
-    words.bytes().for_each(|byte| hash.add(byte.into()));
-    for row in 0..problem.targets.len() {
-        let ray = problem.traversal.rays().ray(row);
-        let length = problem.traversal.rays().length(row);
-        let numbers = [ray.origin.to_array(), ray.direction.to_array(), [length; 3]];
-        numbers.iter().flatten().for_each(|number| hash.add(number.to_bits()));
-        let numbers = [problem.targets[row], problem.weights[row]];
-        numbers.iter().flatten().for_each(|number| hash.add(number.to_bits().into()));
-    }
-    problem.start.iter().flatten().for_each(|number| hash.add(number.to_bits().into()));
-    transport.density.volume().samples().iter().for_each(|number| hash.add(number.to_bits().into()));
-    hash.0
-}
-
-/// A hash of everything that the path of a light map's solve depends on.
-pub(super) fn of_light_map(scene: &Scene, settings: &SolveSettings, problem: &LightMapProblem) -> u64 {
-    let mut hash = Mixed(0);
-    let words = format!(
-        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?} {:?} {:?}",
-        settings.solver,
-        settings.bounds,
         settings.metric,
         settings.basis,
         settings.quadrature,
@@ -154,31 +128,21 @@ pub(super) fn of_light_map(scene: &Scene, settings: &SolveSettings, problem: &Li
         settings.strategy,
         settings.transmittance_bound,
         settings.skip,
-        problem.maps.light_map,
-        problem.maps.shadow_map.grid(),
-        problem.start,
+        parts.collect::<Vec<_>>(),
     );
     words.bytes().for_each(|byte| hash.add(byte.into()));
-    for ray in problem.traversal.rays() {
-        let numbers = [ray.origin.to_array(), ray.direction.to_array(), ray.scattering];
-        numbers.iter().flatten().chain([&ray.length]).for_each(|number| hash.add(number.to_bits()));
+    problem.digest(&mut |word| hash.add(word));
+    for colors in [problem.targets(), &formulation.weights, &formulation.starts()] {
+        colors.iter().flatten().for_each(|number| hash.add(number.to_bits().into()));
     }
-    for (pixel, target) in problem.constraints.iter().zip(&problem.targets) {
-        target.iter().chain([&pixel.weight]).for_each(|number| hash.add(number.to_bits().into()));
+    // Whatever else T depends on, such as the light, is in its rows.
+    for row in evenly(ROWS, problem.rows()) {
+        problem.row(row, &mut |element, weights| {
+            hash.add(element as u64);
+            weights.iter().for_each(|weight| hash.add(weight.to_bits()));
+        });
     }
-    let [width, height] = problem.maps.shadow_map.grid().size;
-    (0..width * height).for_each(|k| {
-        hash.add(problem.maps.shadow_map.depth(k % width, k / width).to_bits().into());
-    });
-    scene.medium.sigma_t.iter().for_each(|number| hash.add(number.to_bits()));
-    if let Some(shown) = problem.traversal.surroundings() {
-        problem.further_start.iter().flatten().for_each(|number| hash.add(number.to_bits().into()));
-        for row in 0..problem.constraints.len() {
-            let further = (0..shown.further()).flat_map(|further| shown.weight(row, further));
-            further.chain(shown.reflected(row).sum()).for_each(|number| hash.add(number.to_bits().into()));
-        }
-    }
-    hash.0
+    Ok(hash.0)
 }
 
 /// FxHash: a rotation, so that two flips of a sign do not undo each other, and a multiplication a word.

@@ -92,7 +92,7 @@ impl Engine {
             (Backend::Gpu, _) | (_, Some(_)) => Err(Error::Adapter {
                 adapter: asked.adapter.clone().unwrap_or_else(|| "any".to_owned()),
                 problem: "cannot be used: this build has no GPU backend".to_owned(),
-                remedy: "build it with the feature `gpu`, or use --backend cpu",
+                remedy: "build it with the feature `gpu`, or compute on the processor",
             }),
             _ => Ok(Self::Cpu),
         }
@@ -145,6 +145,6 @@ impl Engine {
 fn cpu(asked: &EngineChoice) -> Result<Engine> {
     match &asked.adapter {
         None => Ok(Engine::Cpu),
-        Some(name) => Err(Error::value("--adapter", name, "left away with --backend cpu")),
+        Some(name) => Err(Error::value("adapter", name, "left away where the processor computes")),
     }
 }

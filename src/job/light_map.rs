@@ -2,20 +2,20 @@
 
 use std::sync::Arc;
 
-use super::checkpoint::{self, Keeper};
-use super::compute::{Computed, Task, Watch};
-use super::engine::{Engine, On};
+use super::Options;
+use super::checkpoint::{Keeper, fingerprint};
+use super::compute::{Computed, Task};
+use super::engine::Engine;
 use super::environment::write_environment;
-use super::findings::Findings;
+use super::findings::{Findings, reached};
 use super::folder::{Folder, Painted, ViewPictures};
+use super::memory::{Memory, painted};
 use super::placement::Placement;
 use super::steps::{Steps, Timings};
-use super::{Options, budget};
 use crate::operator::CpuVector;
-use crate::problem::{Assessment, LightMapProblem, Traced, render};
-use crate::report::{self, Report};
+use crate::problem::{Assessment, Assessor, LightMapProblem, Match, Traced, render};
+use crate::report::{self, Change, Report, Share, SunRecord, SurroundingsRecord, ViewMatch};
 use crate::scene::{Environment, Image, Rgb, Scene, Sky, SolveSettings};
-use crate::solve::StopReason;
 use crate::visibility::Geometry;
 use crate::{Error, Result};
 
@@ -25,6 +25,8 @@ pub(crate) struct FoundLightMap {
     pub(crate) problem: LightMapProblem,
     settings: SolveSettings,
     pub(crate) computed: Computed,
+    /// Before and after.
+    assessments: [Assessment; 2],
     /// None where no pictures were asked for.
     pub(crate) pictures: Vec<ViewPictures>,
 }
@@ -39,42 +41,74 @@ pub(super) fn solve(
 ) -> Result<FoundLightMap> {
     steps.begin("tracing", None);
     let problem = trace(scene, engine, options.rasterize)?;
-    let settings = budget::settled(scene, &problem);
-    let keeper =
-        |folder| Keeper::new(folder, "checkpoint", checkpoint::of_light_map(scene, &settings, &problem));
-    let checkpoint = folder.map(keeper);
+    let memory = Memory::of_light_map(scene);
+    let settings = memory.settled(scene.solve.clone(), &problem)?;
+    let fingerprint = fingerprint(&settings, &problem)?;
+    let checkpoint = folder.map(|folder| Keeper::new(folder, "checkpoint", fingerprint));
     let resumed = match &checkpoint {
         Some(checkpoint) if options.resume => Some(checkpoint.read()?),
         _ => None,
     };
-    let watch = Watch { checkpoint: checkpoint.as_ref(), iterations: settings.iterations, adapter: None };
-    let task = Task { scene, settings: &settings, problem: &problem, watch };
-    let preview =
-        |elements: &[Rgb]| folder.map_or(Ok(()), |folder| preview(scene, &problem, folder, elements));
-    let computed = engine.run(checkpoint.as_ref(), options.resume, resumed, |on, resumed| match on {
-        On::Cpu => task.on_cpu(resumed, steps, &preview),
-        #[cfg(feature = "gpu")]
-        On::Gpu(gpu) => task.on_gpu(&gpu, options.deterministic, resumed, steps, &preview),
+    let task = Task {
+        problem: &problem,
+        settings: &settings,
+        memory: &memory,
+        options,
+        checkpoint: checkpoint.as_ref(),
+        preview: &|elements| folder.map_or(Ok(()), |folder| preview(scene, &problem, folder, elements)),
+    };
+    let (computed, assessments) = task.run(engine, resumed, steps, &|operator, elements, steps| {
+        steps.begin("assessing", None);
+        let views = scene.views.len();
+        let assessor = Assessor::new(&problem, operator)?;
+        Ok([assessor.assess(&problem.starts(), views)?, assessor.assess(elements, views)?])
     })?;
     let pictures = match options.pictures {
         true => {
             steps.begin("rendering", Some(scene.views.len() as u64));
-            let Computed { solved, before, after, .. } = &computed;
-            draw(scene, &problem, &solved.x, [before, after], steps)?
+            draw(scene, &problem, &computed.solved.x, &assessments, steps)?
         }
         false => Vec::new(),
     };
-    Ok(FoundLightMap { problem, settings, computed, pictures })
+    Ok(FoundLightMap { problem, settings, computed, assessments, pictures })
 }
 
 impl FoundLightMap {
-    pub(super) fn is_interrupted(&self) -> bool {
-        self.computed.solved.outcome.stop.reason == StopReason::Interrupted
+    pub(super) fn report(&self, scene: &Scene, timings: &Timings) -> Result<Report> {
+        let Self { problem, settings, computed, assessments: [before, after], .. } = self;
+        let views = scene.views.iter().zip(&before.views).zip(&after.views);
+        let matched = views.filter(|((_, before), _)| before.pixels > 0).map(|((view, before), after)| {
+            let change = |of: fn(&Match) -> f64| Change { before: of(before), after: of(after) };
+            ViewMatch {
+                view: view.name.clone(),
+                painted_pixels: before.pixels as u64,
+                weighted_residual: change(|it| it.residual),
+                hue_error: Some(change(|it| it.hue_error)),
+                uncontested_hue_error: Some(change(|it| it.uncontested_hue_error)),
+                uncontested_pixels: Some((before.pixels - before.contested) as u64),
+            }
+        });
+        let about = (scene.name.as_str(), scene.target, scene.pixels());
+        Ok(Report {
+            weighted_residual: Change { before: before.all.residual, after: after.all.residual },
+            matched: matched.collect(),
+            surroundings: self.surroundings(scene),
+            ..Findings { problem, settings, computed }.report("light-map", about, timings)?
+        })
     }
 
-    pub(super) fn report(&self, scene: &Scene, timings: &Timings) -> Report {
-        let Self { problem, settings, computed, .. } = self;
-        Findings { scene, settings, problem, computed }.report(timings)
+    fn surroundings(&self, scene: &Scene) -> Option<SurroundingsRecord> {
+        let around = scene.surroundings.as_ref()?;
+        let [_, further] = self.problem.parted(&self.computed.solved.x);
+        let [_, covered] = self.problem.parted(&self.computed.coverage.0);
+        let sun = around.sun_of(&self.problem.further_start).zip(around.sun_of(further));
+        Some(SurroundingsRecord {
+            sun: sun.map(|(before, after)| SunRecord { before, after }),
+            lights: around.sky.as_ref().map(|_| {
+                let lights = around.sky_of(covered);
+                Share { count: reached(lights), of: lights.len() as u64 }
+            }),
+        })
     }
 
     /// The light map, row 0 its top edge as seen upright from the sun.
@@ -108,7 +142,7 @@ impl FoundLightMap {
 ///
 /// Errors: [`Error::Adapter`] for a depth pass without an adapter.
 fn trace(scene: &Scene, engine: &Engine, rasterize: bool) -> Result<LightMapProblem> {
-    let painted = budget::painted(scene)?;
+    let painted = painted(scene)?;
     let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
     if !rasterize {
         return LightMapProblem::of(scene, &geometry, painted, &Traced);
@@ -128,7 +162,7 @@ fn trace(scene: &Scene, engine: &Engine, rasterize: bool) -> Result<LightMapProb
         Engine::Cpu => Err(Error::Adapter {
             adapter: "none".to_owned(),
             problem: "cannot rasterize".to_owned(),
-            remedy: "choose one by --backend gpu or --adapter, or leave --rasterize away",
+            remedy: "choose an adapter, or leave rasterize away",
         }),
     }
 }
@@ -138,7 +172,7 @@ fn draw(
     scene: &Scene,
     problem: &LightMapProblem,
     elements: &[Rgb],
-    [before, after]: [&Assessment; 2],
+    [before, after]: &[Assessment; 2],
     steps: &mut Steps<'_>,
 ) -> Result<Vec<ViewPictures>> {
     let draw_view = |view: usize| {

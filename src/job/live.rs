@@ -4,12 +4,11 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 
+use super::Job;
+use super::memory::Memory;
 use super::observer::Stop;
-use super::{Job, budget};
-use crate::operator::{CpuVector, TransportOperator};
-use crate::problem::{
-    Begin, LightMapOperator, LightMapProblem, Paused, Traced, fit, minimize_from, paint, pixels, render,
-};
+use crate::operator::{CpuVector, OnHost, TransportOperator};
+use crate::problem::{Begin, LightMapProblem, Paused, Problem, Traced, fit, minimize, paint, pixels, render};
 use crate::scene::{Image, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View};
 use crate::solve::StopReason;
 use crate::visibility::Geometry;
@@ -46,7 +45,6 @@ pub struct Standing {
 ///
 /// Memory  8 bytes a non-zero of all pixels of the previews
 /// Law     ends where a solve from x₀ ends: the least of the same objective, since x₀ stays the centre of the pull
-#[derive(Debug)]
 pub struct LiveJob {
     /// With pictures of the preview's size, and maps that do not move.
     scene: Scene,
@@ -54,7 +52,7 @@ pub struct LiveJob {
     scales: Vec<f32>,
     settings: SolveSettings,
     problem: LightMapProblem,
-    operator: Arc<LightMapOperator>,
+    operator: OnHost,
     /// All elements as they are.
     x: Vec<Rgb>,
     /// The method where it was left, until something changes.
@@ -82,21 +80,11 @@ impl LiveJob {
         let pairs = scene.views.iter().zip(&widths);
         let scales = pairs.map(|(view, &full)| view.camera.size()[0] as f32 / full as f32).collect();
         let problem = LightMapProblem::of(&scene, &geometry, pixels(&scene)?, &Traced)?;
-        let settings = budget::settled(&scene, &problem);
-        let budget = budget::budget(&scene, &settings, &problem)?;
-        let operator = problem.operator_with(settings.strategy, budget)?;
+        let memory = Memory::of_light_map(&scene);
+        let settings = memory.settled(scene.solve.clone(), &problem)?;
+        let operator = problem.on_cpu(settings.strategy, memory.budget(&settings, &problem)?)?;
         let x = problem.starts();
-        Ok(Self {
-            scene,
-            scales,
-            settings,
-            problem,
-            operator: Arc::new(operator),
-            x,
-            paused: None,
-            set_up: 0,
-            stop,
-        })
+        Ok(Self { scene, scales, settings, problem, operator, x, paused: None, set_up: 0, stop })
     }
 
     /// The names of the views.
@@ -184,25 +172,19 @@ impl LiveJob {
         };
         let before = resumed.as_ref().map_or(0, |(paused, _)| paused.history.progress.len() - 1);
         let settings = SolveSettings { iterations: before + iterations, ..self.settings.clone() };
-        let formulation = self.problem.formulation(&settings)?;
         let begin = match resumed {
             Some((paused, _)) => Begin::Resumed(paused),
             None => Begin::At(&self.x),
         };
         let (stop, mut left) = (&self.stop, None);
-        let solved = minimize_from(
-            &formulation,
-            &*self.operator,
-            &coverage,
-            &settings,
-            begin,
-            |history, snapshot| {
+        let formulation = self.problem.formulation(&settings)?;
+        let solved =
+            minimize(&formulation, &self.operator, &coverage, &settings, begin, |history, snapshot| {
                 if snapshot.is_final() {
                     left = Some(Paused { history: history.clone(), state: snapshot.state()? });
                 }
                 Ok(stop.control())
-            },
-        )?;
+            })?;
         let outcome = &solved.outcome;
         if is_new {
             // The squares of the weights are a pass over the rows, as an application is.

@@ -1,14 +1,12 @@
 //! The matrix of a problem, for other programs.
 
-use std::sync::Arc;
-
+use super::memory::{Memory, painted};
 use super::steps::Steps;
-use super::volume::{self, stage_budget};
-use super::{Folder, Job, Scenes, budget};
-use crate::problem::{LightMapProblem, Traced};
-use crate::scene::{Rgb, Scene, VolumeScene};
+use super::volume::{self, nothing_asked};
+use super::{Folder, Job, Scenes};
+use crate::problem::{LightMapProblem, Problem, Traced};
+use crate::scene::Rgb;
 use crate::sparse::ExplicitMatrix;
-use crate::visibility::Geometry;
 use crate::{Error, Result, io};
 
 /// Triplets and compressed rows in f64, and the arrays that are written, in bytes a non-zero.
@@ -48,62 +46,64 @@ impl Exported {
 }
 
 pub(super) fn of(job: &Job, steps: &mut Steps<'_>) -> Result<Exported> {
-    match &job.scenes {
-        Scenes::LightMap(scene) => of_light_map(scene, steps),
-        // Of several key frames the first.
-        Scenes::Volume(_) | Scenes::Animation(_) => of_volume(&job.volume_scenes().swap_remove(0).1, steps),
+    // Of several key frames the first.
+    let volume = job.scenes.volumes().into_iter().next().map(|(_, scene)| scene);
+    let geometry = job.scenes.geometry()?;
+    match (&job.scenes, volume) {
+        (Scenes::LightMap(scene), _) => {
+            let medium = [
+                "medium",
+                "a medium whose channels differ",
+                "grey, for one matrix cannot hold three; set medium.sigma_t and medium.albedo to numbers",
+            ];
+            check_grey(scene.medium.is_grey(), medium)?;
+            steps.begin("tracing", None);
+            let problem = LightMapProblem::of(scene, &geometry, painted(scene)?, &Traced)?;
+            let surroundings = [
+                "surroundings",
+                "surfaces of a colour, which the surroundings make part of the rows",
+                "grey, for one matrix cannot hold three; set the occluders' albedo to numbers",
+            ];
+            check_grey(problem.is_grey(), surroundings)?;
+            steps.begin("walking", None);
+            let most = Memory::of_light_map(scene).budget(&scene.solve, &problem)? / BYTES;
+            let widths = scene.views.iter().map(|view| view.camera.size()[0]);
+            exported(&problem, problem.explicit(most)?, problem.starts(), widths.collect())
+        }
+        (_, Some(scene)) => {
+            // Of several stages the first: the others depend on what it finds.
+            let problem = volume::problems(&scene, &geometry, steps)?.swap_remove(0).in_reading_order();
+            let volume = [
+                "volume",
+                "a volume whose channels differ in extinction or light",
+                "grey, for one matrix cannot hold three; set extinction, lights and environment to grey ones",
+            ];
+            check_grey(problem.is_grey(), volume)?;
+            steps.begin("walking", None);
+            let most = Memory::of_volume(&scene).budget(&scene.solve, &problem)? / BYTES;
+            let matrix = ExplicitMatrix::new::<1>(&problem.over_all_voxels(), most)?;
+            let widths = scene.views.iter().map(|view| view.view.camera.size()[0]);
+            exported(&problem, matrix, problem.all_starts(&scene.medium), widths.collect())
+        }
+        (_, None) => Err(nothing_asked()),
     }
 }
 
-fn of_light_map(scene: &Scene, steps: &mut Steps<'_>) -> Result<Exported> {
-    if !scene.medium.is_grey() {
-        return Err(Error::value(
-            "medium",
-            "a medium whose channels differ",
-            "grey, for one matrix cannot hold three; set medium.sigma_t and medium.albedo to numbers",
-        ));
-    }
-    steps.begin("tracing", None);
-    let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
-    let problem = LightMapProblem::of(scene, &geometry, budget::painted(scene)?, &Traced)?;
-    if !problem.is_grey() {
-        return Err(Error::value(
-            "surroundings",
-            "surfaces of a colour, which the surroundings make part of the rows",
-            "grey, for one matrix cannot hold three; set the occluders' albedo to numbers",
-        ));
-    }
-    steps.begin("walking", None);
-    let budget = budget::budget(scene, &scene.solve, &problem)?;
-    let matrix = ExplicitMatrix::new::<1>(&problem.traversal, budget / BYTES)?;
-    let rows = problem.constraints.iter();
-    let rows = rows.map(|pixel| [pixel.view as f32, pixel.x as f32, pixel.y as f32, pixel.weight]);
-    Ok(Exported { matrix, start: problem.starts(), rows: rows.collect(), targets: problem.targets })
+/// Errors: [`Error::Value`] where one matrix cannot hold three channels.
+fn check_grey(is_grey: bool, [path, given, expected]: [&'static str; 3]) -> Result<()> {
+    if is_grey { Ok(()) } else { Err(Error::value(path, given, expected)) }
 }
 
-fn of_volume(scene: &VolumeScene, steps: &mut Steps<'_>) -> Result<Exported> {
-    // Of several stages the first: the others depend on what it finds.
-    let (_, problem) = volume::problems(scene, &volume::geometry_of([scene])?, steps)?.swap_remove(0);
-    let problem = problem.in_reading_order();
-    if !problem.is_grey() {
-        return Err(Error::value(
-            "volume",
-            "a volume whose channels differ in extinction or light",
-            "grey, for one matrix cannot hold three; set extinction, lights and environment to grey ones",
-        ));
-    }
-    steps.begin("walking", None);
-    let budget = stage_budget(scene, &scene.solve, &problem)?;
-    let matrix = ExplicitMatrix::new::<1>(&problem.over_all_voxels(), budget / BYTES)?;
-    let row = |row: usize| {
-        let [view, pixel] = problem.traversal.rays().pixel(row);
-        let width = scene.views[view as usize].view.camera.size()[0] as u32;
-        [view as f32, (pixel % width) as f32, (pixel / width) as f32, problem.weights[row][0]]
-    };
-    Ok(Exported {
-        matrix,
-        start: problem.all_starts(&scene.medium),
-        rows: (0..problem.targets.len()).map(row).collect(),
-        targets: problem.targets,
-    })
+/// A problem with these columns and views of these widths.
+fn exported(
+    problem: &dyn Problem,
+    matrix: ExplicitMatrix,
+    start: Vec<Rgb>,
+    widths: Vec<usize>,
+) -> Result<Exported> {
+    let rows = (0..problem.rows()).zip(problem.weights().0).map(|(row, weight)| {
+        let [view, pixel] = problem.pixel(row);
+        [view as f32, (pixel % widths[view]) as f32, (pixel / widths[view]) as f32, weight[0]]
+    });
+    Ok(Exported { matrix, targets: problem.targets().to_vec(), start, rows: rows.collect() })
 }

@@ -9,7 +9,7 @@
 //! # Ok::<(), unscatter::Error>(())
 //! ```
 
-mod budget;
+mod asked;
 mod checkpoint;
 mod compute;
 mod engine;
@@ -20,6 +20,7 @@ mod light_map;
 mod live;
 mod machine;
 mod matrix;
+mod memory;
 mod observer;
 mod placement;
 mod plan;
@@ -35,13 +36,11 @@ use std::time::Instant;
 use crate::io::scene_file::{self, AnimatedVolume, Subject};
 use crate::io::volume::Format;
 use crate::problem::{fit, render};
-use crate::scene::{KeyFrame, Scene, VolumeScene};
+use crate::scene::{Scene, VolumeScene};
 use crate::visibility::Geometry;
 use crate::{Error, Result, io};
 
-#[cfg(feature = "cli")]
-pub(crate) use budget::mebibytes;
-pub(crate) use budget::{SHADOW_TEXEL, painted};
+pub(crate) use asked::Asked;
 #[cfg(feature = "gpu")]
 pub(crate) use compute::device;
 pub(crate) use engine::Engine;
@@ -50,14 +49,14 @@ pub(crate) use folder::Folder;
 pub use live::{LiveJob, Preview, Standing};
 pub use machine::{default_budget, free_memory, peak_memory, processor};
 pub use matrix::Exported;
+#[cfg(feature = "cli")]
+pub(crate) use memory::mebibytes;
 pub use observer::{Iteration, Observer, Quiet, Step, Stop, Wish};
 use placement::Placement;
-pub use plan::{LightMapPlan, Plan};
+pub use plan::Plan;
 pub use solution::{Solution, Written};
 pub(crate) use steps::Steps;
 use steps::Timings;
-pub use volume::VolumePlan;
-pub(crate) use volume::{geometry_of, problems};
 
 /// What a job starts from.
 #[derive(Debug, Clone)]
@@ -162,20 +161,20 @@ impl Job {
             Subject::LightMap => {
                 let scene = scene_file::load(path, overrides)?;
                 tracing::info!(name = scene.name, views = scene.views.len(), "scene");
-                budget::check_scene(&scene)?;
+                memory::check_scene(&scene)?;
                 scene.into()
             }
             Subject::Volume => {
                 let scene = scene_file::load_volume(path, overrides)?;
                 tracing::info!(name = scene.name, views = scene.views.len(), "scene");
-                volume::check_scene(&scene)?;
+                memory::check_volume(&scene)?;
                 scene.into()
             }
             Subject::Animation => {
                 let animated = scene_file::load_animation(path, overrides)?;
                 let keys = &animated.animation.keys;
                 tracing::info!(keys = keys.len(), frames = animated.animation.frames, "animation");
-                volume::check_keys(keys)?;
+                memory::check_keys(keys)?;
                 animated.into()
             }
         };
@@ -198,6 +197,11 @@ impl Job {
         &self.scenes
     }
 
+    /// What it starts from, alone.
+    pub(crate) fn into_scenes(self) -> Scenes {
+        self.scenes
+    }
+
     /// The scene of a light map.
     ///
     /// Errors: [`Error::Empty`] where it is of a volume.
@@ -214,36 +218,12 @@ impl Job {
         Steps::new(observer, &self.options.stop, self.timings.clone())
     }
 
-    /// The volume scenes: one, or those of the key frames, with what the names of their files begin with.
-    pub(crate) fn volume_scenes(&self) -> Vec<(String, VolumeScene)> {
-        match &self.scenes {
-            Scenes::LightMap(_) => Vec::new(),
-            Scenes::Volume(scene) => vec![(String::new(), VolumeScene::clone(scene))],
-            Scenes::Animation(animated) => {
-                let named = |key: &KeyFrame| {
-                    let name = format!("{}, frame {}", key.scene.name, key.frame);
-                    (volume::of_frame("frame", key.frame), VolumeScene { name, ..key.scene.clone() })
-                };
-                animated.animation.keys.iter().map(named).collect()
-            }
-        }
-    }
-
     /// What it would take, stage by stage and key by key, without doing it.
     ///
     /// Errors: [`crate::Error::TooLarge`] when it would not fit; those of making the problem.
     pub fn plan(&self, observer: &mut impl Observer) -> Result<Vec<Plan>> {
-        let mut steps = self.steps(observer);
-        if let Scenes::LightMap(scene) = &self.scenes {
-            return Ok(vec![Plan::LightMap(plan::plan(scene, &mut steps)?)]);
-        }
-        let scenes = self.volume_scenes();
-        let geometry = geometry_of(scenes.iter().map(|(_, scene)| scene))?;
-        let mut plans = Vec::new();
-        for (_, scene) in &scenes {
-            plans.extend(volume::plans(scene, &geometry, &mut steps)?.into_iter().map(Plan::Volume));
-        }
-        Ok(plans)
+        let (geometry, mut steps) = (self.scenes.geometry()?, self.steps(observer));
+        self.scenes.asked(&geometry, &mut steps)?.into_iter().map(Plan::of).collect()
     }
 
     /// Finds what is looked for. Who asks to stop is heard within an iteration, and what was computed is kept.
@@ -277,10 +257,9 @@ impl Job {
         let is_whole = match &self.scenes {
             Scenes::LightMap(scene) => draw(scene, light_map, &folder, &mut steps, &mut names)?,
             _ => {
-                let (scenes, turns) = (self.volume_scenes(), self.options.turntable);
-                let geometry = geometry_of(scenes.iter().map(|(_, scene)| scene))?;
+                let (geometry, turns) = (self.scenes.geometry()?, self.options.turntable);
                 let mut is_whole = true;
-                for (prefix, scene) in &scenes {
+                for (prefix, scene) in &self.scenes.volumes() {
                     is_whole = is_whole
                         && volume::draw(scene, &geometry, prefix, turns, &folder, &mut steps, &mut names)?;
                 }

@@ -151,7 +151,7 @@ impl Solution {
     /// Whether somebody stopped the job before it was done.
     pub fn is_interrupted(&self) -> bool {
         match &self.found {
-            Found::LightMap(_, found) => found.is_interrupted(),
+            Found::LightMap(_, found) => found.computed.is_interrupted(),
             Found::Volume(_, found) => found.is_interrupted(),
             Found::Animation(found) => found.is_interrupted(),
         }
@@ -204,8 +204,8 @@ impl Solution {
 impl Found {
     fn report(&self, timings: &Timings) -> Result<Report> {
         match self {
-            Self::LightMap(scene, found) => Ok(found.report(scene, timings)),
-            Self::Volume(scene, found) => Ok(found.report(scene, timings)),
+            Self::LightMap(scene, found) => found.report(scene, timings),
+            Self::Volume(scene, found) => found.report(scene, timings),
             Self::Animation(found) => found.report(timings),
         }
     }

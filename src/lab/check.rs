@@ -1,21 +1,13 @@
 //! The laws of an operator on a scene: its adjoint, the explicit matrix in f64, finite differences.
 
-use std::sync::Arc;
-
 use serde::Serialize;
 
 use crate::Result;
-#[cfg(feature = "gpu")]
-use crate::gpu::{Gpu, GpuOperator};
-use crate::job::{
-    Engine, EngineChoice, Job, Observer, Scenes, Step, Steps, Stop, geometry_of, painted, problems,
-};
-use crate::march::Traversal;
+use crate::job::{Asked, Engine, EngineChoice, Job, Observer, Scenes, Step, Steps, Stop};
 use crate::operator::{CpuVector, LinearOperator, TransportOperator, Vector, adjoint_test};
-use crate::problem::{LightMapOperator, LightMapProblem, Traced, VolumeOperator, VolumeProblem};
-use crate::scene::{Rgb, Strategy};
+use crate::problem::Problem;
+use crate::scene::{Rgb, SolveSettings, Strategy};
 use crate::sparse::ExplicitMatrix;
-use crate::visibility::Geometry;
 
 /// Rows that are checked: enough to meet every case, few enough for an explicit matrix in f64.
 const ROWS: usize = 4096;
@@ -56,122 +48,31 @@ pub struct Checked {
     pub verdicts: Vec<Verdict>,
 }
 
-/// A problem whose operator can be checked.
-trait Checkable {
-    type Host: TransportOperator;
-
-    /// A few of its rows.
-    fn rows(&self) -> usize;
-    fn targets(&self) -> &[Rgb];
-    fn start(&self) -> Vec<Rgb>;
-    fn explicit(&self) -> Result<ExplicitMatrix>;
-    fn on_cpu(&self, strategy: Strategy) -> Result<Self::Host>;
-    #[cfg(feature = "gpu")]
-    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<GpuOperator>;
-}
-
-impl Checkable for LightMapProblem {
-    type Host = LightMapOperator;
-
-    fn rows(&self) -> usize {
-        self.constraints.len()
-    }
-
-    fn targets(&self) -> &[Rgb] {
-        &self.targets
-    }
-
-    fn start(&self) -> Vec<Rgb> {
-        self.starts()
-    }
-
-    fn explicit(&self) -> Result<ExplicitMatrix> {
-        explicit(&self.traversal, self.is_grey())
-    }
-
-    fn on_cpu(&self, strategy: Strategy) -> Result<LightMapOperator> {
-        self.operator_with(strategy, u64::MAX)
-    }
-
-    #[cfg(feature = "gpu")]
-    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<GpuOperator> {
-        LightMapProblem::on_gpu(self, gpu, strategy, u64::MAX, deterministic)
-    }
-}
-
-impl Checkable for VolumeProblem {
-    type Host = VolumeOperator;
-
-    fn rows(&self) -> usize {
-        self.targets.len()
-    }
-
-    fn targets(&self) -> &[Rgb] {
-        &self.targets
-    }
-
-    fn start(&self) -> Vec<Rgb> {
-        self.start.clone()
-    }
-
-    fn explicit(&self) -> Result<ExplicitMatrix> {
-        explicit(&self.traversal, self.is_grey())
-    }
-
-    fn on_cpu(&self, strategy: Strategy) -> Result<VolumeOperator> {
-        self.operator(strategy, u64::MAX)
-    }
-
-    #[cfg(feature = "gpu")]
-    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, deterministic: bool) -> Result<GpuOperator> {
-        VolumeProblem::on_gpu(self, gpu, strategy, u64::MAX, deterministic)
-    }
-}
-
-fn explicit<T: Traversal<f64, 1> + Traversal<f64, 3>>(traversal: &T, grey: bool) -> Result<ExplicitMatrix> {
-    if grey {
-        ExplicitMatrix::new::<1>(traversal, NONZEROS)
-    } else {
-        ExplicitMatrix::new::<3>(traversal, NONZEROS)
-    }
-}
-
 /// Checks every problem of a job on a sample of its rows.
 ///
 /// Errors: those of making the problems and their explicit matrices, and of what computes.
 pub fn check(job: &Job, engine: &EngineChoice, observer: &mut impl Observer) -> Result<Vec<Checked>> {
     let stop = Stop::default();
     let engine = Engine::open(engine, &stop)?;
-    let begin = |observer: &mut dyn Observer, name| observer.begins(&Step { name, within: "", parts: None });
-    if let Scenes::LightMap(scene) = job.scenes() {
-        begin(observer, "tracing");
-        let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
-        let problem = LightMapProblem::of(scene, &geometry, painted(scene)?, &Traced)?.sampled(ROWS);
-        begin(observer, "checking");
-        return Ok(vec![checked(&scene.name, &problem, &engine)?]);
-    }
-    let (scenes, mut all) = (job.volume_scenes(), Vec::new());
-    let geometry = geometry_of(scenes.iter().map(|(_, scene)| scene))?;
-    for (_, scene) in &scenes {
-        let found = problems(scene, &geometry, &mut Steps::new(observer, &stop, Vec::new()))?;
-        for (find, problem) in found {
-            begin(observer, "checking");
-            let name = format!("{}, {}", scene.name, find.name());
-            all.push(checked(&name, &problem.sampled(ROWS), &engine)?);
-        }
-    }
-    Ok(all)
+    let scenes = job.scenes();
+    let all = scenes.asked(&scenes.geometry()?, &mut Steps::new(observer, &stop, Vec::new()))?;
+    let checks = all.into_iter().map(|Asked { scene, find, problem, .. }| {
+        observer.begins(&Step { name: "checking", within: "", parts: None });
+        let name = if matches!(scenes, Scenes::LightMap(_)) { scene } else { format!("{scene}, {find}") };
+        checked(&name, &*problem.sampled(ROWS), &engine)
+    });
+    checks.collect()
 }
 
 /// The laws of one problem.
-fn checked(name: &str, problem: &impl Checkable, engine: &Engine) -> Result<Checked> {
-    let explicit = problem.explicit()?;
+fn checked(name: &str, problem: &dyn Problem, engine: &Engine) -> Result<Checked> {
+    let explicit = problem.explicit(NONZEROS)?;
     let error = adjoint_test(&explicit, 3, 1)?.error;
     let mut verdicts = vec![verdict("adjoint", "explicit matrix, f64", error, ADJOINT_EXPLICIT)];
     for (way, strategy) in
         [("cpu, assembled", Strategy::Assembled), ("cpu, matrix-free", Strategy::MatrixFree)]
     {
-        verdicts.extend(verdicts_of(way, &problem.on_cpu(strategy)?, &explicit)?);
+        verdicts.extend(verdicts_of(way, &problem.on_cpu(strategy, u64::MAX)?, &explicit)?);
     }
     #[cfg(feature = "gpu")]
     if let Some(gpu) = engine.gpu() {
@@ -180,7 +81,7 @@ fn checked(name: &str, problem: &impl Checkable, engine: &Engine) -> Result<Chec
             ("gpu, matrix-free", Strategy::MatrixFree, false),
             ("gpu, fixed point", Strategy::MatrixFree, true),
         ] {
-            match problem.on_gpu(gpu, strategy, deterministic) {
+            match problem.on_gpu(gpu, strategy, u64::MAX, deterministic) {
                 Ok(operator) => verdicts.extend(verdicts_of(way, &operator, &explicit)?),
                 // What is not possible is not wrong.
                 Err(error) if error.is_not_possible_here() => tracing::warn!("{way} is left out: {error}"),
@@ -241,9 +142,10 @@ fn relative(got: Vec<[f64; 3]>, truth: &CpuVector<f64>) -> Result<f64> {
 }
 
 /// The slope of ½‖T x − b‖² along a direction, by central differences and as ⟨Tᵀ(T x − b), d⟩.
-fn finite_difference(problem: &impl Checkable, explicit: &ExplicitMatrix) -> Result<f64> {
+fn finite_difference(problem: &dyn Problem, explicit: &ExplicitMatrix) -> Result<f64> {
+    let start = problem.formulation(&SolveSettings::default())?.starts();
     let wide = |colors: &[Rgb]| CpuVector(colors.iter().map(|color| color.map(f64::from)).collect());
-    let (b, x) = (wide(problem.targets()), wide(&problem.start()));
+    let (b, x) = (wide(problem.targets()), wide(&start));
     let mut d = explicit.domain();
     d.0.iter_mut().enumerate().for_each(|(index, d)| *d = [(index as f64 * 0.61).cos(); 3]);
     let residual = |step: f64| -> Result<CpuVector<f64>> {

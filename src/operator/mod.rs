@@ -7,6 +7,7 @@ mod adjoint;
 mod bounds;
 mod composed;
 mod cpu_vector;
+mod lattices;
 mod metric;
 mod neighbours;
 mod restricted;
@@ -23,6 +24,7 @@ pub use adjoint::{AdjointTest, adjoint_test};
 pub use bounds::Bounds;
 pub use composed::Composed;
 pub use cpu_vector::CpuVector;
+pub use lattices::Lattices;
 pub use metric::{Metric, Scaling};
 pub use neighbours::{Gradient, Laplacian, Neighbours};
 pub use restricted::Restricted;
@@ -31,7 +33,7 @@ pub use scaled::{Identity, Scaled};
 pub use stacked::{BlockSum, Blocks, Stacked};
 pub use sum::Sum;
 pub use tiling::{TileBlocks, Tiling};
-pub use transport::{HostRows, Storage, TransportOperator};
+pub use transport::{FromHost, HostRows, OnHost, Storage, TransportOperator};
 pub(crate) use transport::{brought, fetched};
 pub use walk_plan::WalkPlan;
 pub use weighted::Weighted;
@@ -201,69 +203,33 @@ pub trait LinearOperator {
     fn apply_adjoint(&self, y: &Self::Range, x: &mut Self::Domain) -> Result<()>;
 }
 
-impl<T: LinearOperator + ?Sized> LinearOperator for &T {
-    type Domain = T::Domain;
-    type Range = T::Range;
+/// Whoever points to an operator is one.
+macro_rules! operators {
+    ($($pointer:ty),*) => {$(
+        impl<T: LinearOperator + ?Sized> LinearOperator for $pointer {
+            type Domain = T::Domain;
+            type Range = T::Range;
 
-    fn domain(&self) -> Self::Domain {
-        (**self).domain()
-    }
+            fn domain(&self) -> Self::Domain {
+                (**self).domain()
+            }
 
-    fn range(&self) -> Self::Range {
-        (**self).range()
-    }
+            fn range(&self) -> Self::Range {
+                (**self).range()
+            }
 
-    fn apply(&self, x: &Self::Domain, y: &mut Self::Range) -> Result<()> {
-        (**self).apply(x, y)
-    }
+            fn apply(&self, x: &Self::Domain, y: &mut Self::Range) -> Result<()> {
+                (**self).apply(x, y)
+            }
 
-    fn apply_adjoint(&self, y: &Self::Range, x: &mut Self::Domain) -> Result<()> {
-        (**self).apply_adjoint(y, x)
-    }
+            fn apply_adjoint(&self, y: &Self::Range, x: &mut Self::Domain) -> Result<()> {
+                (**self).apply_adjoint(y, x)
+            }
+        }
+    )*};
 }
 
-impl<T: LinearOperator + ?Sized> LinearOperator for Box<T> {
-    type Domain = T::Domain;
-    type Range = T::Range;
-
-    fn domain(&self) -> Self::Domain {
-        (**self).domain()
-    }
-
-    fn range(&self) -> Self::Range {
-        (**self).range()
-    }
-
-    fn apply(&self, x: &Self::Domain, y: &mut Self::Range) -> Result<()> {
-        (**self).apply(x, y)
-    }
-
-    fn apply_adjoint(&self, y: &Self::Range, x: &mut Self::Domain) -> Result<()> {
-        (**self).apply_adjoint(y, x)
-    }
-}
-
-/// An operator that is shared.
-impl<O: LinearOperator> LinearOperator for Arc<O> {
-    type Domain = O::Domain;
-    type Range = O::Range;
-
-    fn domain(&self) -> O::Domain {
-        (**self).domain()
-    }
-
-    fn range(&self) -> O::Range {
-        (**self).range()
-    }
-
-    fn apply(&self, x: &O::Domain, y: &mut O::Range) -> Result<()> {
-        (**self).apply(x, y)
-    }
-
-    fn apply_adjoint(&self, y: &O::Range, x: &mut O::Domain) -> Result<()> {
-        (**self).apply_adjoint(y, x)
-    }
-}
+operators!(&T, Box<T>, Arc<T>);
 
 /// Whether a vector fits.
 pub(crate) fn expect_len(what: &'static str, vector: &impl Vector, expected: usize) -> Result<()> {

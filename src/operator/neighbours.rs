@@ -6,7 +6,7 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use super::{Indexed, LinearOperator, NOWHERE};
+use super::{Indexed, Lattices, LinearOperator, NOWHERE};
 use crate::{Error, Result};
 
 /// Which unknown elements of a lattice lie side by side: an edge for every such pair.
@@ -22,35 +22,32 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// The lattice has so many elements along each axis, the first axis running fastest; `columns` are the places of the
-    /// unknown ones, in any order and none twice. Places behind the lattice are in copies of it, which are no neighbours
-    /// of each other. What is [`NOWHERE`] has no neighbours.
+    /// `columns` are the places of the unknown elements in lattices, in any order and none twice; different lattices are no neighbours of
+    /// each other. What is [`NOWHERE`] has no neighbours.
     ///
-    /// Errors: [`Error::Value`] for places in more than two copies, or one that comes twice.
-    pub fn new(size: &[usize], columns: &[u32]) -> Result<Self> {
-        let total: usize = size.iter().product();
-        let is_placed = |column: &&u32| **column != NOWHERE;
-        let last = columns.iter().filter(is_placed).max().map_or(0, |&last| last as usize);
-        if last >= 2 * total {
-            return Err(Error::value("columns", columns.len(), "indices of elements of the lattice"));
-        }
-        let mut unknown = vec![NOWHERE; if last < total { total } else { 2 * total }];
-        for (&column, index) in columns.iter().zip(0u32..).filter(|(column, _)| is_placed(column)) {
-            if std::mem::replace(&mut unknown[column as usize], index) != NOWHERE {
+    /// Errors: [`Error::Value`] for a place behind the last one, or one that comes twice.
+    pub fn new(lattices: impl Into<Lattices>, columns: &[u32]) -> Result<Self> {
+        let lattices = lattices.into();
+        let mut unknown = vec![NOWHERE; lattices.len()];
+        for (&column, index) in columns.iter().zip(0u32..).filter(|(column, _)| **column != NOWHERE) {
+            let place = unknown.get_mut(column as usize);
+            let place = place.ok_or_else(|| Error::value("columns", column, "places of the lattices"))?;
+            if std::mem::replace(place, index) != NOWHERE {
                 return Err(Error::value("columns", column, "different elements"));
             }
         }
         let (mut tails, mut heads) = (Vec::new(), Vec::new());
         let (mut into, mut out_of) = (Vec::new(), Vec::new());
-        let mut stride = 1;
-        for &side in size {
+        for axis in 0..lattices.axes() {
             let (mut ends, mut begins) = (vec![NOWHERE; columns.len()], vec![NOWHERE; columns.len()]);
-            for (&column, tail) in columns.iter().zip(0u32..).filter(|(column, _)| is_placed(column)) {
-                let place = column as usize;
-                if (place / stride) % side + 1 == side || unknown[place + stride] == NOWHERE {
+            for (&column, tail) in columns.iter().zip(0u32..) {
+                let Some((_, size, within)) = lattices.locate(column) else { continue };
+                let Some(&side) = size.get(axis) else { continue };
+                let stride: usize = size[..axis].iter().product();
+                if (within / stride) % side + 1 == side || unknown[column as usize + stride] == NOWHERE {
                     continue;
                 }
-                let head = unknown[place + stride];
+                let head = unknown[column as usize + stride];
                 let edge = tails.len() as u32;
                 (begins[tail as usize], ends[head as usize]) = (edge, edge);
                 tails.push(tail);
@@ -58,7 +55,6 @@ impl Neighbours {
             }
             into.push(ends.into());
             out_of.push(begins.into());
-            stride *= side;
         }
         Ok(Self { elements: columns.len(), tails: tails.into(), heads: heads.into(), into, out_of })
     }

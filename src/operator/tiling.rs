@@ -1,4 +1,4 @@
-use super::{NOWHERE, TILE_SIDE as SIDE};
+use super::{Lattices, TILE_SIDE as SIDE};
 
 /// Which tile an element belongs to: squares of 8 × 8 neighbours, or cubes of 4 × 4 × 4, of which only the unknown elements
 /// count.
@@ -13,32 +13,24 @@ pub struct Tiling {
 impl Tiling {
     /// Tiles over a lattice of so many elements along each of two axes, of which `columns` are unknown.
     pub fn new(size: [usize; 2], columns: &[u32]) -> Self {
-        Self::placed(&size, size[0] * size[1], columns, columns)
+        Self::placed(&size.into(), size[0] * size[1], columns, columns)
     }
 
-    /// Tiles over a lattice of so many places along each of its axes, the first running fastest, and over copies of it
-    /// behind: `columns` are the unknowns among so many `elements`, and `at` their places. Those that are [`NOWHERE`] share tiles in
-    /// their order.
-    pub fn placed(size: &[usize], elements: usize, columns: &[u32], at: &[u32]) -> Self {
-        // 64 members whatever the dimensions.
-        let side = if size.len() > 2 { SIDE / 2 } else { SIDE };
+    /// Tiles over lattices: `columns` are the unknowns among so many `elements`, and `at` their places. Those that are [`NOWHERE`](super::NOWHERE) share
+    /// tiles in their order.
+    pub fn placed(lattices: &Lattices, elements: usize, columns: &[u32], at: &[u32]) -> Self {
         let mut places = vec![(u32::MAX, 0); elements];
         let mut numbers = std::collections::HashMap::new();
         let mut members: Vec<Vec<u32>> = Vec::new();
         let mut without_place = 0;
         for ((&column, &place), unknown) in columns.iter().zip(at).zip(0u32..) {
-            let (mut rest, mut tile, mut stride) = (place as usize, 0, 1);
-            for &length in size {
-                tile += rest % length / side * stride;
-                stride *= length.div_ceil(side);
-                rest /= length;
-            }
-            // What is left of the place counts the copies.
-            let mut key = tile + rest * stride;
-            if place == NOWHERE {
-                key = usize::MAX - without_place / (SIDE * SIDE);
-                without_place += 1;
-            }
+            let key = match lattices.locate(place) {
+                Some((lattice, size, within)) => (lattice, tile_of(size, within)),
+                None => {
+                    without_place += 1;
+                    (usize::MAX, (without_place - 1) / (SIDE * SIDE))
+                }
+            };
             let number = numbers.entry(key).or_insert(u32::MAX);
             if *number == u32::MAX {
                 *number = members.len() as u32;
@@ -67,6 +59,19 @@ impl Tiling {
     pub fn members(&self) -> &[Vec<u32>] {
         &self.members
     }
+}
+
+/// The tile of a place in a lattice.
+fn tile_of(size: &[usize], mut place: usize) -> usize {
+    // 64 members whatever the dimensions.
+    let side = if size.len() > 2 { SIDE / 2 } else { SIDE };
+    let (mut tile, mut stride) = (0, 1);
+    for &length in size {
+        tile += place % length / side * stride;
+        stride *= length.div_ceil(side);
+        place /= length;
+    }
+    tile
 }
 
 /// The blocks of a metric of tiles, on the host.

@@ -39,15 +39,50 @@ pub trait TransportOperator: LinearOperator<Domain = Self::Vector, Range = Self:
 
     /// How much of it is kept.
     fn storage(&self) -> Storage;
+}
 
-    /// T x of texels on the host.
+/// `T` on the processor, whatever its rows are.
+pub type OnHost<F = f32> = Box<
+    dyn TransportOperator<Vector = CpuVector<F>, Domain = CpuVector<F>, Range = CpuVector<F>> + Send + Sync,
+>;
+
+impl<O: TransportOperator + ?Sized> TransportOperator for Box<O> {
+    type Vector = O::Vector;
+
+    fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
+        (**self).squares(weights)
+    }
+
+    fn tile_metric(
+        &self,
+        tiling: &Tiling,
+        weights: &[f64],
+        added: &[f64],
+    ) -> Result<Box<dyn Metric<Self::Vector>>> {
+        (**self).tile_metric(tiling, weights, added)
+    }
+
+    fn storage(&self) -> Storage {
+        (**self).storage()
+    }
+}
+
+/// `T` applied to what is on the host, wherever it is computed.
+pub trait FromHost {
+    /// T x of elements on the host.
+    fn shown(&self, x: &[Rgb]) -> Result<Vec<Rgb>>;
+
+    /// Tᵀ y of rows on the host.
+    fn arriving(&self, y: &[Rgb]) -> Result<Vec<Rgb>>;
+}
+
+impl<O: TransportOperator> FromHost for O {
     fn shown(&self, x: &[Rgb]) -> Result<Vec<Rgb>> {
         let (x, mut y) = (brought(self.domain(), x)?, self.range());
         self.apply(&x, &mut y)?;
         fetched(&y)
     }
 
-    /// Tᵀ y of rows on the host.
     fn arriving(&self, y: &[Rgb]) -> Result<Vec<Rgb>> {
         let (y, mut x) = (brought(self.range(), y)?, self.domain());
         self.apply_adjoint(&y, &mut x)?;

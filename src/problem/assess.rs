@@ -1,6 +1,6 @@
 use super::LightMapProblem;
 use crate::Result;
-use crate::operator::TransportOperator;
+use crate::operator::FromHost;
 use crate::scene::Rgb;
 
 /// Less saturation than this, from 0 to 1, has no hue to speak of.
@@ -27,10 +27,9 @@ pub struct Match {
 }
 
 /// How well light maps meet the targets.
-#[derive(Debug)]
-pub struct Assessor<'a, O> {
+pub struct Assessor<'a> {
     problem: &'a LightMapProblem,
-    operator: &'a O,
+    operator: &'a dyn FromHost,
     contested: Vec<bool>,
 }
 
@@ -45,11 +44,11 @@ pub struct Assessment {
     pub shown: Vec<Rgb>,
 }
 
-impl<'a, O: TransportOperator> Assessor<'a, O> {
+impl<'a> Assessor<'a> {
     /// Finds out which rows are contested.
     ///
     /// Cost: 3 applications of the adjoint, 1 of T.
-    pub fn new(problem: &'a LightMapProblem, operator: &'a O) -> Result<Self> {
+    pub fn new(problem: &'a LightMapProblem, operator: &'a dyn FromHost) -> Result<Self> {
         Ok(Self { problem, operator, contested: contested(problem, operator)? })
     }
 
@@ -124,7 +123,7 @@ impl Sums {
 ///
 /// Every row sends its hue, as a point on the colour circle, to its texels; where the mean of what arrives is short,
 /// the strokes contradict each other.
-fn contested(problem: &LightMapProblem, operator: &impl TransportOperator) -> Result<Vec<bool>> {
+fn contested(problem: &LightMapProblem, operator: &dyn FromHost) -> Result<Vec<bool>> {
     // One transport for all three quantities, for coloured media have three.
     let arriving = |part: fn(f32) -> f32| -> Result<Vec<f32>> {
         let sent = problem.constraints.iter().map(|pixel| {

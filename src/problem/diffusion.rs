@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::march::Real;
-use crate::operator::{CpuVector, Gradient, LinearOperator, Neighbours, Restricted, Vector};
+use crate::operator::{CpuVector, Gradient, Lattices, LinearOperator, Neighbours, Restricted, Vector};
 use crate::scene::Rgb;
 use crate::solve::{Beginning, Cgls, Control, LeastSquares, Limits, Method, drive};
 use crate::{Error, Result};
@@ -53,7 +53,8 @@ pub fn diffuse<F: Real>(size: &[usize], known: &Known, empty: &[u32], limits: &L
     let rim = Rim::new(size, known, empty);
     let columns: Arc<[u32]> = rim.empty.into();
     let texels = CpuVector::<F>(rim.colors.iter().map(wide).collect());
-    let gradient = Gradient::new(Arc::new(Neighbours::new(size, &rim.places)?), &texels)?;
+    let gradient =
+        Gradient::new(Arc::new(Neighbours::new(Lattices::new([size.to_vec()]), &rim.places)?), &texels)?;
     // min ‖G (E y + x)‖² over the empty places y, x being zero there.
     let mut rhs = gradient.range();
     gradient.apply(&texels, &mut rhs)?;

@@ -1,7 +1,8 @@
 use std::borrow::Cow;
+use std::ops::Range;
 
-use crate::operator::{Bounds, NOWHERE, Scalars};
-use crate::scene::{Rgb, SolveSettings};
+use crate::operator::{Bounds, Lattices, NOWHERE, Scalars};
+use crate::scene::Rgb;
 use crate::{Error, Result};
 
 /// A least-squares problem in pictures, whatever is looked for: `min ½ Σ w (T x − b)² + regularizers, l ≤ x ≤ u`.
@@ -13,27 +14,27 @@ pub struct Formulation<'a> {
     pub weights: Cow<'a, [Rgb]>,
     /// Σ w L², L what the rows should show, all told: what noise is relative to.
     pub wanted: Scalars,
-    /// x₀, which the regularizers pull to and elements keep that no row reaches.
-    pub start: Start<'a>,
-    /// Where the elements lie.
-    pub lattice: Lattice<'a>,
-    /// l and u of the elements.
-    pub bounds: Bounds,
-    /// What the pull towards the start is multiplied by; none where by nothing.
-    pub steering: Option<Steering>,
+    /// The elements, kind by kind.
+    pub parts: Vec<Part<'a>>,
     /// What a person can do when the rows are too dark to be computed with.
     pub remedy: &'static str,
 }
 
-/// What the pull towards the start is multiplied by.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Steering {
-    /// For the elements before `then_from`.
-    pub first: f64,
-    /// Where the others begin.
-    pub then_from: usize,
-    /// For the others.
-    pub then: f64,
+/// Elements of one kind, side by side among all elements.
+#[derive(Debug, Clone, Copy)]
+pub struct Part<'a> {
+    /// What they are, such as `texels`.
+    pub noun: &'static str,
+    /// x₀, which the regularizers pull to and elements keep that no row reaches.
+    pub start: Start<'a>,
+    /// l and u, one pair a channel; infinite where there is none.
+    pub bounds: [Scalars; 2],
+    /// What the pull towards the start is multiplied by.
+    pub pull: f64,
+    /// Where they lie side by side, if they do.
+    pub lattice: Option<Lattice<'a>>,
+    /// Parts of one scale share a mean column norm, which their λ is relative to. Columns of another kind may be far longer.
+    pub scale: usize,
 }
 
 /// x₀.
@@ -41,8 +42,6 @@ pub struct Steering {
 pub enum Start<'a> {
     /// The same for so many elements.
     Everywhere(Rgb, usize),
-    /// The same for so many, then one for each of the others.
-    Then(Rgb, usize, &'a [Rgb]),
     /// One an element.
     Each(&'a [Rgb]),
 }
@@ -52,7 +51,6 @@ impl Start<'_> {
     pub fn len(&self) -> usize {
         match self {
             Self::Everywhere(_, len) => *len,
-            Self::Then(_, first, others) => first + others.len(),
             Self::Each(start) => start.len(),
         }
     }
@@ -66,56 +64,78 @@ impl Start<'_> {
     pub fn of(&self, element: usize) -> Rgb {
         match self {
             Self::Everywhere(start, _) => *start,
-            Self::Then(start, first, others) => match element.checked_sub(*first) {
-                None => *start,
-                Some(other) => others[other],
-            },
             Self::Each(start) => start[element],
         }
-    }
-
-    /// x₀ of all elements.
-    pub fn to_vec(&self) -> Vec<Rgb> {
-        (0..self.len()).map(|element| self.of(element)).collect()
     }
 }
 
 /// Where elements lie side by side.
 #[derive(Debug, Clone, Copy)]
 pub struct Lattice<'a> {
-    /// Places along each axis, the first running fastest; two quantities are two such lattices, one behind the other.
+    /// Places along each axis, the first running fastest.
     pub size: &'a [usize],
-    /// The place of each element; none where they are the places in order, and then elements behind the last one have no place.
+    /// The place of each element; none where they are the places in order.
     pub places: Option<&'a [u32]>,
 }
 
-impl Lattice<'_> {
-    /// The place of an element; [`NOWHERE`] where it has none, and no neighbours.
-    pub fn place(&self, element: u32) -> u32 {
-        match self.places {
-            Some(places) => places[element as usize],
-            None if (element as usize) < self.len() => element,
-            None => NOWHERE,
-        }
+impl<'a> Formulation<'a> {
+    /// The number of elements.
+    pub fn elements(&self) -> usize {
+        self.parts.iter().map(|part| part.start.len()).sum()
     }
 
-    /// The elements of a problem that have a place, before those that have none.
-    pub fn placed(&self, elements: usize) -> usize {
-        if self.places.is_some() { elements } else { elements.min(self.len()) }
+    /// The parts, each with its elements.
+    pub fn ranges(&self) -> impl Iterator<Item = (Range<usize>, &Part<'a>)> {
+        self.parts.iter().scan(0, |first, part| {
+            let begin = *first;
+            *first += part.start.len();
+            Some((begin..*first, part))
+        })
     }
 
-    fn len(&self) -> usize {
-        self.size.iter().product()
+    /// x₀ of all elements.
+    pub fn starts(&self) -> Vec<Rgb> {
+        self.parts
+            .iter()
+            .flat_map(|part| (0..part.start.len()).map(|element| part.start.of(element)))
+            .collect()
     }
-}
 
-impl Formulation<'_> {
-    /// The bounds that settings ask for, for a solver that keeps any.
+    /// l and u of all elements.
     ///
     /// Errors: [`Error::Value`] naming `lower` or `upper`.
-    pub fn bounds_of(settings: &SolveSettings) -> Result<Bounds> {
-        let [lower, upper] = settings.bounds;
-        if settings.solver.keeps_bounds() { Bounds::new(lower, upper) } else { Ok(Bounds::NONE) }
+    pub fn bounds(&self) -> Result<Bounds> {
+        let mut bounds: Option<Bounds> = None;
+        for (elements, part) in self.ranges() {
+            let [lower, upper] = part.bounds;
+            let of_part = Bounds::new(lower, upper)?;
+            bounds = Some(match bounds {
+                Some(before) if before.of(elements.start.saturating_sub(1)) == &part.bounds => before,
+                Some(before) => before.then(elements.start, of_part),
+                None => of_part,
+            });
+        }
+        Ok(bounds.unwrap_or(Bounds::NONE))
+    }
+
+    /// The lattices of the parts, one behind the other.
+    pub fn lattices(&self) -> Lattices {
+        Lattices::new(self.parts.iter().filter_map(|part| part.lattice).map(|lattice| lattice.size.to_vec()))
+    }
+
+    /// The places of some elements, in increasing order, in those lattices; [`NOWHERE`] for elements without a place, and without neighbours.
+    pub fn places(&self, elements: &[u32]) -> Vec<u32> {
+        let (mut places, mut first) = (vec![NOWHERE; elements.len()], 0);
+        for (range, part) in self.ranges() {
+            let Some(lattice) = part.lattice else { continue };
+            let before = |end: usize| elements.partition_point(|&element| (element as usize) < end);
+            for index in before(range.start)..before(range.end) {
+                let within = elements[index] as usize - range.start;
+                places[index] = first + lattice.places.map_or(within as u32, |places| places[within]);
+            }
+            first += lattice.size.iter().product::<usize>() as u32;
+        }
+        places
     }
 
     /// Errors: [`Error::Shape`] when its parts do not belong together.
@@ -124,9 +144,9 @@ impl Formulation<'_> {
             if expected == got { Ok(()) } else { Err(Error::Shape { what, expected, got }) }
         };
         same("the weights", self.targets.len(), self.weights.len())?;
-        match self.lattice.places {
-            Some(places) => same("the places of the elements", self.start.len(), places.len()),
+        self.parts.iter().try_for_each(|part| match part.lattice.and_then(|lattice| lattice.places) {
+            Some(places) => same("the places of the elements", part.start.len(), places.len()),
             None => Ok(()),
-        }
+        })
     }
 }

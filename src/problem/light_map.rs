@@ -3,29 +3,34 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::extents::fit_to;
+use super::fill::fill;
+use super::looked_for::{explicit, on_host, row_of};
+use super::solution::not_finite;
 use super::surfaces::lengths;
 use super::surroundings::Shown;
-use super::{Constraint, Formulation, Lattice, Maps, Start, Surfaces, Traced, constraints, evenly};
-use crate::cpu::{HostOperator, kept_bytes};
+use super::{
+    Constraint, Formulation, Lattice, Maps, Part, Problem, Solved, Start, Surfaces, Traced, Unskipped,
+    constraints,
+};
+#[cfg(feature = "gpu")]
+use crate::cpu::HostOperator;
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
-use crate::march::{LightMapTransport, LightMapTraversal, ViewRay};
-use crate::operator::{Bounds, CpuVector, WalkPlan};
+use crate::march::{LightMapTransport, LightMapTraversal, Surroundings, ViewRay};
+use crate::operator::{CpuVector, OnHost, WalkPlan};
 #[cfg(feature = "gpu")]
 use crate::operator::{HostRows, RowTable, Sum};
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
-use crate::visibility::Geometry;
+use crate::sparse::ExplicitMatrix;
+use crate::visibility::{Geometry, ShadowMap};
 use crate::{Error, Result};
-
-/// `T` of a light-map problem on the CPU in f32.
-pub type LightMapOperator = HostOperator<LightMapTraversal>;
 
 /// The painted pixels of a scene as rows, and what they should become.
 ///
 /// The model is `scattered light = T x + surroundings`: x are the texels of the light map; outside the map the
 /// light keeps its own radiance, which gives each row a constant share. Where the scene looks for its surroundings, too, they
 /// are elements behind the texels, and a row is all that is seen: what surfaces show as well as what is scattered.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct LightMapProblem {
     /// The rows.
     pub constraints: Vec<Constraint>,
@@ -46,8 +51,10 @@ pub struct LightMapProblem {
     /// What the elements behind the texels start from: the sun, where it is looked for, then the lights of the sky.
     pub further_start: Vec<Rgb>,
     /// What walking the rows will take.
-    pub plan: WalkPlan,
+    plan: WalkPlan,
     grey: bool,
+    /// Columns of each view's picture.
+    widths: Vec<usize>,
 }
 
 impl LightMapProblem {
@@ -105,6 +112,7 @@ impl LightMapProblem {
             further_start,
             plan,
             grey,
+            widths: scene.views.iter().map(|view| view.camera.size()[0]).collect(),
         })
     }
 
@@ -126,11 +134,9 @@ impl LightMapProblem {
 
     /// What all elements start from: the texels, then those behind them.
     pub fn starts(&self) -> Vec<Rgb> {
-        self.all_starts().to_vec()
-    }
-
-    fn all_starts(&self) -> Start<'_> {
-        Start::Then(self.start, self.maps.light_map.len(), &self.further_start)
+        let mut starts = vec![self.start; self.maps.light_map.len()];
+        starts.extend(&self.further_start);
+        starts
     }
 
     /// The number of elements.
@@ -156,44 +162,6 @@ impl LightMapProblem {
         }
     }
 
-    /// T, with as much of it kept as `scene.solve` and `budget` bytes allow.
-    ///
-    /// Errors: [`Error::TooLarge`] when all of it must be kept and does not fit.
-    pub fn operator(&self, scene: &Scene, budget: u64) -> Result<LightMapOperator> {
-        self.operator_with(scene.solve.strategy, budget)
-    }
-
-    /// T with a strategy of the caller's.
-    pub fn operator_with(&self, strategy: Strategy, budget: u64) -> Result<LightMapOperator> {
-        LightMapOperator::new(self.traversal.clone(), self.grey, &self.plan, strategy, budget)
-    }
-
-    /// T on a graphics adapter: all rows kept there where `strategy` and the `budget` in bytes allow, else walked there, with kept
-    /// rows of what they show beside their texels. `deterministic` sums are the same in every run.
-    ///
-    /// Errors: [`Error::TooLarge`] when all rows must be kept and exceed the budget, [`Error::AdapterMemory`];
-    /// [`Error::Unsupported`] for light whose squares f32 does not hold.
-    #[cfg(feature = "gpu")]
-    pub fn on_gpu(
-        &self,
-        gpu: &Gpu,
-        strategy: Strategy,
-        budget: u64,
-        deterministic: bool,
-    ) -> Result<GpuOperator> {
-        check_brightness(gpu, self.start)?;
-        let on_host =
-            |strategy| -> Result<Box<dyn HostRows>> { Ok(Box::new(self.operator_with(strategy, u64::MAX)?)) };
-        let walked = || -> Result<Box<dyn DeviceOperator>> {
-            let walked = Walked::light_map(gpu, &self.traversal, !self.grey, deterministic)?;
-            let Some(beside) = self.traversal.beside() else { return Ok(Box::new(walked)) };
-            let beside = Kept::new(gpu, RowTable::walked(&beside, self.grey), self.elements())?;
-            Ok(Box::new(Sum::new(walked, beside)?))
-        };
-        let channels = if self.grey { 1 } else { 3 };
-        GpuOperator::new(gpu, (&self.plan, channels), (strategy, budget), &on_host, &walked)
-    }
-
     /// The radiance that a row should have, all told.
     pub fn wanted(&self, row: usize) -> Rgb {
         rgb(|c| self.targets[row][c] + self.surroundings[row][c])
@@ -209,13 +177,8 @@ impl LightMapProblem {
         outside / all
     }
 
-    /// The problem of `rows` of its rows, evenly spread; of all where there are not as many.
-    pub fn sampled(&self, rows: usize) -> Self {
-        self.picked(&evenly(rows, self.constraints.len()))
-    }
-
     /// The problem of some of its rows.
-    pub fn picked(&self, rows: &[usize]) -> Self {
+    pub fn of_some(&self, rows: &[usize]) -> Self {
         fn of<T: Copy>(values: &[T], rows: &[usize]) -> Vec<T> {
             rows.iter().map(|&row| values[row]).collect()
         }
@@ -226,34 +189,43 @@ impl LightMapProblem {
             targets: of(&self.targets, rows),
             surroundings: of(&self.surroundings, rows),
             white: of(&self.white, rows),
-            rule: self.rule,
-            start: self.start,
             further_start: self.further_start.clone(),
+            widths: self.widths.clone(),
             plan: WalkPlan::of(&traversal, self.grey),
-            grey: self.grey,
             traversal,
+            ..*self
         }
     }
 
-    /// Bytes that keeping all rows takes on the processor, foreseen.
-    pub fn kept_bytes(&self) -> u64 {
-        kept_bytes::<f32>(&self.plan, if self.grey { 1 } else { 3 })
+    /// The same problem along other rows of the same rays.
+    fn along(&self, traversal: LightMapTraversal) -> Self {
+        Self { plan: WalkPlan::of(&traversal, self.grey), traversal, ..self.clone() }
+    }
+}
+
+impl Problem for LightMapProblem {
+    fn targets(&self) -> &[Rgb] {
+        &self.targets
     }
 
-    /// Whether one weight serves all channels.
-    pub fn is_grey(&self) -> bool {
-        self.grey
-    }
-
-    /// The constraint weights, one colour a row.
-    pub fn weights(&self) -> CpuVector {
+    fn weights(&self) -> CpuVector {
         CpuVector(self.constraints.iter().map(|pixel| [pixel.weight; 3]).collect())
     }
 
-    /// The problem as methods solve it.
-    ///
-    /// Errors: [`Error::Value`] naming a bound.
-    pub fn formulation(&self, settings: &SolveSettings) -> Result<Formulation<'_>> {
+    fn pixel(&self, row: usize) -> [usize; 2] {
+        let Constraint { view, x, y, .. } = self.constraints[row];
+        [view, y * self.widths[view] + x]
+    }
+
+    fn plan(&self) -> &WalkPlan {
+        &self.plan
+    }
+
+    fn is_grey(&self) -> bool {
+        self.grey
+    }
+
+    fn formulation(&self, settings: &SolveSettings) -> Result<Formulation<'_>> {
         let mut wanted = [0.0; 3];
         for (row, pixel) in self.constraints.iter().enumerate() {
             let color = self.wanted(row);
@@ -261,19 +233,193 @@ impl LightMapProblem {
                 wanted[c] += f64::from(pixel.weight) * f64::from(color[c]).powi(2);
             }
         }
+        let texels = Part {
+            noun: "texels",
+            start: Start::Everywhere(self.start, self.maps.light_map.len()),
+            bounds: settings.solver.kept(settings.bounds),
+            pull: 1.0,
+            lattice: Some(Lattice { size: &self.maps.light_map.size, places: None }),
+            scale: 0,
+        };
+        // In every row, and so far longer than the column of a texel.
+        let start = Start::Each(&self.further_start);
+        let bounds = settings.solver.kept([[0.0; 3], [f64::INFINITY; 3]]);
+        let others = Part { noun: "lights", start, bounds, lattice: None, scale: 1, ..texels };
         Ok(Formulation {
             targets: &self.targets,
             weights: self.weights().0.into(),
             wanted,
-            start: self.all_starts(),
-            lattice: Lattice { size: &self.maps.light_map.size, places: None },
-            bounds: match Formulation::bounds_of(settings)? {
-                of_texels if self.further_start.is_empty() || !settings.solver.keeps_bounds() => of_texels,
-                of_texels => of_texels.then(self.maps.light_map.len(), Bounds::NOT_NEGATIVE),
-            },
-            steering: None,
+            parts: if start.is_empty() { vec![texels] } else { vec![texels, others] },
             remedy: "raise medium.sigma_t or medium.albedo",
         })
+    }
+
+    fn complete(&self, settings: &SolveSettings, mut solved: Solved) -> Result<Solved> {
+        let texels = self.maps.light_map.len();
+        if let Some(index) = not_finite(&solved.x) {
+            let width = self.maps.light_map.size[0];
+            let (what, place) = match index.checked_sub(texels) {
+                None => ("the light map", format!("texel ({}, {})", index % width, index / width)),
+                Some(further) => ("the light around it", format!("unknown {further}")),
+            };
+            return Err(Error::NonFinite { what: what.to_owned(), place });
+        }
+        if settings.fill {
+            let further = solved.x.split_off(texels);
+            let reached = solved.columns.partition_point(|&column| (column as usize) < texels);
+            solved.x = fill(self, &solved.columns[..reached], solved.x)?;
+            solved.x.extend(further);
+        }
+        Ok(solved)
+    }
+
+    fn picked(&self, rows: &[usize]) -> Box<dyn Problem> {
+        Box::new(self.of_some(rows))
+    }
+
+    fn integrated(
+        &self,
+        quadrature: Quadrature,
+        transmittance_bound: Option<f64>,
+    ) -> Option<Box<dyn Problem>> {
+        let mut transport = self.traversal.transport().clone();
+        transport.quadrature = quadrature;
+        transport.transmittance_bound = transmittance_bound.unwrap_or(transport.transmittance_bound);
+        Some(Box::new(self.along(self.traversal.through(transport))))
+    }
+
+    fn unskipped(&self) -> Option<Unskipped> {
+        let transport = self.traversal.transport();
+        let shadow_map = Arc::new((*transport.shadow_map).clone().without_pyramid());
+        let texels =
+            self.along(self.traversal.through(LightMapTransport { shadow_map, ..transport.clone() }));
+        let nodes = |problem: &Self| {
+            (0..problem.rows()).map(|row| problem.traversal.extent(row).shadow_nodes).sum::<usize>() as f64
+        };
+        Some(Unskipped {
+            what: "texels of even shadow or light",
+            switch: "solve.skip.shadows=false",
+            unit: "nodes of the shadow map",
+            work: [nodes(self), nodes(&texels)],
+            problem: Box::new(texels),
+        })
+    }
+
+    fn most_lost(&self) -> Option<f64> {
+        let most = |row: &ViewRay| row.scattering.iter().copied().fold(0.0, f64::max);
+        let squares = self.traversal.rays().iter().map(|row| most(row).powi(2)).sum::<f64>();
+        Some((3.0 * squares).sqrt() * self.traversal.transport().transmittance_bound)
+    }
+
+    fn replan(&mut self) {
+        self.plan = WalkPlan::of(&self.traversal, self.grey);
+    }
+
+    fn row(&self, row: usize, visit: &mut dyn FnMut(usize, [f64; 3])) {
+        row_of(&self.traversal, self.grey, row, visit);
+    }
+
+    fn on_cpu(&self, strategy: Strategy, budget: u64) -> Result<OnHost> {
+        on_host(&self.traversal, (self.grey, &self.plan), (strategy, budget))
+    }
+
+    fn wide(&self, strategy: Strategy) -> Result<OnHost<f64>> {
+        on_host(&self.traversal, (self.grey, &self.plan), (strategy, u64::MAX))
+    }
+
+    /// All rows are kept where that is possible, else walked, with kept rows of what they show beside their texels.
+    ///
+    /// Errors: [`Error::Unsupported`] for light whose squares f32 does not hold.
+    #[cfg(feature = "gpu")]
+    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, budget: u64, deterministic: bool) -> Result<GpuOperator> {
+        check_brightness(gpu, self.start)?;
+        let on_host = |strategy| -> Result<Box<dyn HostRows>> {
+            Ok(Box::new(HostOperator::<_, f32>::new(
+                self.traversal.clone(),
+                self.grey,
+                &self.plan,
+                strategy,
+                u64::MAX,
+            )?))
+        };
+        let walked = || -> Result<Box<dyn DeviceOperator>> {
+            let walked = Walked::light_map(gpu, &self.traversal, !self.grey, deterministic)?;
+            let Some(beside) = self.traversal.beside() else { return Ok(Box::new(walked)) };
+            let beside = Kept::new(gpu, RowTable::walked(&beside, self.grey), self.elements())?;
+            Ok(Box::new(Sum::new(walked, beside)?))
+        };
+        let channels = if self.grey { 1 } else { 3 };
+        GpuOperator::new(gpu, (&self.plan, channels), (strategy, budget), &on_host, &walked)
+    }
+
+    fn explicit(&self, most: u64) -> Result<ExplicitMatrix> {
+        explicit(&self.traversal, self.grey, most)
+    }
+
+    fn candidates(&self) -> usize {
+        self.elements()
+    }
+
+    fn prepared_bytes(&self) -> u64 {
+        let sky: usize = self.maps.sky.iter().map(|beam| beam.shadow_map.grid().len()).sum();
+        let texels = self.maps.shadow_map.grid().len() + sky;
+        let weights = Surroundings::bytes(self.rows(), self.further_start.len());
+        (texels * ShadowMap::TEXEL) as u64 + if self.further_start.is_empty() { 0 } else { 3 * weights }
+    }
+
+    fn ray_bytes(&self) -> u64 {
+        (self.rows() * size_of::<ViewRay>()) as u64
+    }
+
+    fn digest(&self, add: &mut dyn FnMut(u64)) {
+        for ray in self.traversal.rays() {
+            let numbers = [ray.origin.to_array(), ray.direction.to_array(), ray.scattering];
+            numbers.iter().flatten().chain([&ray.length]).for_each(|number| add(number.to_bits()));
+        }
+        let grids = [&self.maps.light_map, self.maps.shadow_map.grid()];
+        grids.iter().for_each(|grid| format!("{grid:?}").bytes().for_each(|byte| add(byte.into())));
+        let [width, height] = self.maps.shadow_map.grid().size;
+        for k in 0..width * height {
+            add(self.maps.shadow_map.depth(k % width, k / width).to_bits().into());
+        }
+        self.traversal.transport().sigma_t.iter().for_each(|number| add(number.to_bits()));
+        let Some(shown) = self.traversal.surroundings() else { return };
+        for row in 0..self.rows() {
+            let further = (0..shown.further()).flat_map(|further| shown.weight(row, further));
+            further.chain(shown.reflected(row).sum()).for_each(|number| add(number.to_bits().into()));
+        }
+    }
+
+    fn skipped(&self) -> Vec<(&'static str, [usize; 2])> {
+        let (mut texels, mut lit, mut cut) = (0.0, 0.0, 0);
+        for row in 0..self.rows() {
+            let extent = self.traversal.extent(row);
+            texels += extent.texels;
+            lit += extent.lit_texels;
+            cut += usize::from(extent.cut_off);
+        }
+        vec![
+            ("shadowed_cells", [(texels - lit) as usize, texels as usize]),
+            ("dark_rays", [cut, self.rows()]),
+        ]
+    }
+
+    fn settings_in_words(&self) -> Vec<(&'static str, String)> {
+        let transport = self.traversal.transport();
+        let [width, height] = self.maps.shadow_map.grid().size;
+        let outside = 100.0 * self.share_from_outside();
+        vec![
+            ("basis", format!("{:?}", transport.basis).to_lowercase()),
+            (
+                "quadrature",
+                match transport.quadrature {
+                    Quadrature::Exact => "exact, cell by cell".to_owned(),
+                    Quadrature::March { steps } => format!("march of {steps} steps"),
+                },
+            ),
+            ("shadow_map", format!("{width} × {height} texels")),
+            ("light_from_outside_the_map", format!("{outside:.1} % of the painted pixels' light")),
+        ]
     }
 }
 
@@ -292,7 +438,7 @@ fn check_brightness(gpu: &Gpu, light: Rgb) -> Result<()> {
         problem: format!(
             "computes sums in f32, and a light of radiance {brightest:e} is beyond what they hold"
         ),
-        remedy: "use another unit, in which light.radiance is from 1e-15 to 1e15, or use --backend cpu",
+        remedy: "use another unit, in which light.radiance is from 1e-15 to 1e15, or compute on the processor",
     })
 }
 

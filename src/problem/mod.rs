@@ -8,6 +8,7 @@ mod extents;
 mod fill;
 mod formulation;
 mod light_map;
+mod looked_for;
 mod painting;
 #[cfg(feature = "gpu")]
 mod rasterized;
@@ -23,21 +24,22 @@ pub use constraints::{Constraint, constraints, pixels};
 pub use diffusion::{Diffused, Known, diffuse};
 pub use evenly::evenly;
 pub use extents::{Maps, fit};
-pub use formulation::{Formulation, Lattice, Start, Steering};
+pub use formulation::{Formulation, Lattice, Part, Start};
 use light_map::luminance;
 
-pub use light_map::{LightMapOperator, LightMapProblem};
+pub use light_map::LightMapProblem;
+pub use looked_for::{Problem, Unskipped};
 pub use painting::paint;
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;
 pub use render::{Rendering, render};
 pub use solution::{
-    Begin, Paused, Snapshot, Solved, SystemOperator, measure, method, minimize, minimize_from, solve, vectors,
+    Begin, Paused, Snapshot, Solved, SystemOperator, measure, method, minimize, solve, vectors,
 };
 pub use surfaces::{Surfaces, Traced};
 pub use surroundings::SkyBeam;
 pub use system::{System, Weights};
 pub use volume::{
     AllVoxels, Desired, Determined, LeftOut, LightColumns, LitRows, Model, Occupied, Optics, SeenLights,
-    Spread, Spreading, VolumeOperator, VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,
+    Spread, Spreading, VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,
 };

@@ -1,14 +1,12 @@
-use super::Formulation;
-use super::LightMapProblem;
-use super::fill::fill;
 use super::system::{System, Weights};
+use super::{Formulation, Problem};
+use crate::Result;
 use crate::operator::{CpuVector, Indexed, LinearOperator, Stacked, TransportOperator, Vector};
 use crate::scene::{Rgb, SolveSettings, SolverName};
 use crate::solve::{
     Beginning, Cgls, Control, Fista, FlexibleCgls, History, Lbfgs, LeastSquares, Lsmr, Lsqr, Measure, Method,
     Mprgp, Outcome, Spectral, State, Vectors, drive, hand_out, outline, restore,
 };
-use crate::{Error, Result};
 
 /// A solved problem.
 #[derive(Debug)]
@@ -64,57 +62,22 @@ pub trait Snapshot {
 /// What a problem is to a method.
 pub type SystemOperator<'a, V = CpuVector> = Stacked<'a, V>;
 
-/// [`minimize`]s a light-map problem, and fills the texels that no painted ray reaches where that is asked for.
+/// [`minimize`]s, and hands over what was found as the problem asks for it: a light map, for one, may be filled.
 ///
-/// Errors: as [`minimize`]; [`Error::NonFinite`] names the texel.
-pub fn solve(
-    problem: &LightMapProblem,
+/// Errors: as [`minimize`]; [`crate::Error::NonFinite`] names the element.
+pub fn solve<'b>(
+    problem: &dyn Problem,
     operator: &impl TransportOperator,
     coverage: &CpuVector,
     settings: &SolveSettings,
-    resumed: Option<Paused>,
+    begin: impl Into<Begin<'b>>,
     each: impl FnMut(&History, &mut dyn Snapshot) -> Result<Control>,
 ) -> Result<Solved> {
-    let formulation = problem.formulation(settings)?;
-    let mut solved = minimize(&formulation, operator, coverage, settings, resumed, each)?;
-    let texels = problem.maps.light_map.len();
-    if let Some(index) = not_finite(&solved.x) {
-        let width = problem.maps.light_map.size[0];
-        let (what, place) = match index.checked_sub(texels) {
-            None => ("the light map", format!("texel ({}, {})", index % width, index / width)),
-            Some(further) => ("the light around it", format!("unknown {further}")),
-        };
-        return Err(Error::NonFinite { what: what.to_owned(), place });
-    }
-    if settings.fill {
-        let further = solved.x.split_off(texels);
-        let reached = solved.columns.partition_point(|&column| (column as usize) < texels);
-        solved.x = fill(problem, &solved.columns[..reached], solved.x)?;
-        solved.x.extend(further);
-    }
-    Ok(solved)
+    let solved = minimize(&problem.formulation(settings)?, operator, coverage, settings, begin, each)?;
+    problem.complete(settings, solved)
 }
 
-/// Minimizes `½ Σ w (T x − b)² + ½ Σ λᵢ ‖Rᵢ (x − x₀)‖², l ≤ x ≤ u` over the elements that some row reaches.
-///
-/// `coverage` is diag(Tᵀ diag(w) T); elements where it is zero are not unknowns. `each` is called after every
-/// iteration, and once more at the end.
-///
-/// Errors: [`Error::Value`] naming a setting, [`Error::Empty`] when no element is reached, and what the method and `each`
-/// report. The elements may be infinite where the targets are; the caller can name them better.
-pub fn minimize(
-    problem: &Formulation,
-    operator: &impl TransportOperator,
-    coverage: &CpuVector,
-    settings: &SolveSettings,
-    resumed: Option<Paused>,
-    each: impl FnMut(&History, &mut dyn Snapshot) -> Result<Control>,
-) -> Result<Solved> {
-    let begin = resumed.map_or(Begin::AtTheStart, Begin::Resumed);
-    minimize_from(problem, operator, coverage, settings, begin, each)
-}
-
-/// Where [`minimize_from`] begins.
+/// Where a solve begins.
 #[derive(Debug)]
 pub enum Begin<'a> {
     /// At x₀.
@@ -125,13 +88,25 @@ pub enum Begin<'a> {
     Resumed(Paused),
 }
 
-/// [`minimize`]s from anywhere.
-pub fn minimize_from(
+impl From<Option<Paused>> for Begin<'_> {
+    fn from(paused: Option<Paused>) -> Self {
+        paused.map_or(Self::AtTheStart, Self::Resumed)
+    }
+}
+
+/// Minimizes `½ Σ w (T x − b)² + ½ Σ λᵢ ‖Rᵢ (x − x₀)‖², l ≤ x ≤ u` over the elements that some row reaches.
+///
+/// `coverage` is diag(Tᵀ diag(w) T); elements where it is zero are not unknowns. `each` is called after every
+/// iteration, and once more at the end.
+///
+/// Errors: [`crate::Error::Value`] naming a setting, [`crate::Error::Empty`] when no element is reached, and what the method and `each`
+/// report. The elements may be infinite where the targets are; the caller can name them better.
+pub fn minimize<'b>(
     problem: &Formulation,
     operator: &impl TransportOperator,
     coverage: &CpuVector,
     settings: &SolveSettings,
-    begin: Begin<'_>,
+    begin: impl Into<Begin<'b>>,
     mut each: impl FnMut(&History, &mut dyn Snapshot) -> Result<Control>,
 ) -> Result<Solved> {
     let system = System::new(problem, operator, coverage, settings)?;
@@ -139,7 +114,7 @@ pub fn minimize_from(
     let least_squares = system.problem();
     let mut method = method(settings.solver, system.operator());
     let at;
-    let beginning = match begin {
+    let beginning = match begin.into() {
         Begin::Resumed(paused) => {
             restore(&mut *method, &paused.state)?;
             Beginning::Resumed(paused.history)

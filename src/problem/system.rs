@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use super::{Formulation, Steering};
+use super::Formulation;
 use crate::operator::{
     Blocks, Bounds, CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Metric, Neighbours,
     Restricted, Scaled, Scaling, Stacked, Tiling, TransportOperator, Vector, Weighted, brought, fetched,
@@ -35,8 +35,8 @@ pub struct System<'a, V: Indexed> {
     norm: f64,
     /// λ of the divided rows.
     weights: Weights,
-    /// λ of the unknowns that have no place in the lattice, relative to that of the others.
-    unplaced: f64,
+    /// λ of each unknown's pull towards its start, relative to [`Weights::tikhonov`].
+    pulls: Vec<f64>,
     metric: Option<Box<dyn Metric<V>>>,
     applications: usize,
 }
@@ -116,8 +116,8 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
 
     /// All elements, given the unknown ones; the others keep the start, moved into the bounds.
     pub fn all_elements(&self, problem: &Formulation, x: &V) -> Result<Vec<Rgb>> {
-        let mut elements = CpuVector(problem.start.to_vec());
-        elements.clamp(&problem.bounds);
+        let mut elements = CpuVector(problem.starts());
+        elements.clamp(&problem.bounds()?);
         let x = fetched(x)?;
         self.columns.iter().zip(x).for_each(|(&column, value)| elements.0[column as usize] = value);
         Ok(elements.0)
@@ -127,11 +127,6 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
     pub(super) fn unknown(&self, elements: &[Rgb]) -> Result<V> {
         let picked: Vec<Rgb> = self.columns.iter().map(|&column| elements[column as usize]).collect();
         brought(self.operator.domain(), &picked)
-    }
-
-    /// How many unknowns come before an element.
-    fn unknowns_before(&self, element: usize) -> usize {
-        self.columns.partition_point(|&column| (column as usize) < element)
     }
 
     fn without_regularization(
@@ -147,37 +142,40 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
                 remedy: problem.remedy,
             });
         }
-        // Columns of what has no place are of another kind, and may be far longer: each kind has a λ relative to its own.
-        let placed = problem.lattice.placed(problem.start.len());
-        let [of_lattice, of_others] = mean_squared_column_norms(coverage, placed, &reached);
-        let (norm, unplaced) = match (of_lattice, of_others) {
-            (Some(square), others) => (square.sqrt(), others.map_or(1.0, |other| other / square)),
-            (None, others) => (others.unwrap_or_default().sqrt(), 1.0),
-        };
+        let elements = problem.elements();
+        let (square, scales) = mean_squared_column_norms(problem, coverage);
+        let norm = square.sqrt();
         let columns = match settings.skip.unknowns {
             true => reached,
-            false => (0..problem.start.len() as u32).collect(),
+            false => (0..elements as u32).collect(),
         };
         let factor = |weight: f32| (f64::from(weight).sqrt() / norm) as f32;
         let factors: Vec<Rgb> = problem.weights.iter().map(|weights| weights.map(factor)).collect();
         let factors = brought(operator.range(), &factors)?;
-        let picked: Vec<Rgb> = columns.iter().map(|&column| problem.start.of(column as usize)).collect();
+        let (mut picked, mut pulls) = (Vec::with_capacity(columns.len()), Vec::with_capacity(columns.len()));
+        let before = |end: usize| columns.partition_point(|&column| (column as usize) < end);
+        let (all, mut bounds) = (problem.bounds()?, None::<Bounds>);
+        for ((range, part), scale) in problem.ranges().zip(scales) {
+            let unknown = before(range.start)..before(range.end);
+            pulls.resize(unknown.end, part.pull * scale);
+            picked
+                .extend(columns[unknown].iter().map(|&column| part.start.of(column as usize - range.start)));
+        }
         let start = brought(operator.domain().zeros(columns.len()), &picked)?;
         // Where every element is unknown, there is nothing to leave out.
-        let (operator, targets) = if columns.len() == problem.start.len() {
+        let (operator, targets) = if columns.len() == elements {
             weighted(operator, factors, problem.targets)?
         } else {
             weighted(Restricted::new(operator, columns.clone())?, factors, problem.targets)?
         };
-        let bounds = if settings.solver.keeps_bounds() { problem.bounds } else { Bounds::NONE };
-        let bounds = match problem.bounds.parts(problem.start.len()) {
-            [_, (others, _)] if others.is_empty() => bounds,
-            [_, (others, [lower, upper])] if settings.solver.keeps_bounds() => {
-                let before = columns.partition_point(|&column| (column as usize) < others.start);
-                bounds.then(before, Bounds::new(lower, upper)?)
-            }
-            _ => bounds,
-        };
+        for (range, [lower, upper]) in all.parts(elements) {
+            let of_part = Bounds::new(lower, upper)?;
+            bounds = Some(match bounds {
+                Some(others) => others.then(before(range.start), of_part),
+                None => of_part,
+            });
+        }
+        let bounds = bounds.filter(|_| settings.solver.keeps_bounds()).unwrap_or(Bounds::NONE);
         Ok(Self {
             operator,
             rhs: Blocks(vec![targets]),
@@ -186,23 +184,14 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
             columns,
             norm,
             weights: Weights::default(),
-            unplaced,
+            pulls,
             metric: None,
             applications: 0,
         })
     }
 
     fn regularizers(&self, problem: &Formulation, settings: &SolveSettings) -> Result<Regularizers<V>> {
-        // λ of an unknown, relative to that of the others.
-        let mut pulls = vec![1.0; self.columns.len()];
-        if let Some(Steering { first, then_from, then }) = problem.steering {
-            let (before, others) = pulls.split_at_mut(self.unknowns_before(then_from));
-            before.fill(first);
-            others.fill(then);
-        }
-        let placed = self.unknowns_before(problem.lattice.placed(problem.start.len()));
-        pulls[placed..].iter_mut().for_each(|pull| *pull *= self.unplaced);
-        let is_even = pulls.iter().all(|&pull| pull == 1.0);
+        let is_even = self.pulls.iter().all(|&pull| pull == 1.0);
         let asked = settings.regularization;
         // Who lies beside whom takes much memory, and often nobody asks.
         let among_neighbours = [asked.gradient, asked.laplacian] != [Weight::Relative(0.0); 2];
@@ -213,17 +202,15 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         Ok(Regularizers {
             tikhonov: match is_even {
                 false => {
-                    let roots: Vec<Rgb> = pulls.iter().map(|pull: &f64| [pull.sqrt() as f32; 3]).collect();
+                    let roots: Vec<Rgb> = self.pulls.iter().map(|pull| [pull.sqrt() as f32; 3]).collect();
                     let roots = brought(self.operator.domain(), &roots)?;
                     Box::new(Weighted::new(Identity::scaled(&self.start, [1.0; 3]), roots)?)
                 }
                 true => Box::new(Identity::scaled(&self.start, [1.0; 3])),
             },
-            pulls,
             among_neighbours: if among_neighbours {
-                let places: Vec<u32> =
-                    self.columns.iter().map(|&column| problem.lattice.place(column)).collect();
-                let neighbours = Arc::new(Neighbours::new(problem.lattice.size, &places)?);
+                let neighbours =
+                    Arc::new(Neighbours::new(problem.lattices(), &problem.places(&self.columns))?);
                 Some(AmongNeighbours {
                     gradient: Gradient::new(neighbours.clone(), &self.start)?,
                     laplacian: Laplacian::new(neighbours.clone(), &self.start)?,
@@ -306,14 +293,12 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
     ) -> Result<Option<Box<dyn Metric<V>>>> {
         let name = settings.metric_in_use();
         let square = self.norm.powi(2);
-        let added = regularizers.diagonal(self.weights, name);
+        let added = regularizers.diagonal(&self.pulls, self.weights, name);
         let diagonal = match name {
             MetricName::None => return Ok(None),
             MetricName::Auto | MetricName::Tiles => {
-                let places: Vec<u32> =
-                    self.columns.iter().map(|&column| problem.lattice.place(column)).collect();
-                let tiling =
-                    Tiling::placed(problem.lattice.size, problem.start.len(), &self.columns, &places);
+                let places = problem.places(&self.columns);
+                let tiling = Tiling::placed(&problem.lattices(), problem.elements(), &self.columns, &places);
                 // One metric for all channels, so it majorizes each.
                 let weight = |weights: &Rgb| weights.iter().copied().fold(0.0, f32::max);
                 let weights: Vec<f64> =
@@ -343,11 +328,9 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
     }
 }
 
-/// The regularizers of one lattice of unknowns, without their weights.
+/// The regularizers, without their weights.
 struct Regularizers<V: Indexed> {
     tikhonov: Box<dyn LinearOperator<Domain = V, Range = V>>,
-    /// λ of each unknown's pull towards its start, relative to [`Weights::tikhonov`].
-    pulls: Vec<f64>,
     /// None where nothing asks for them.
     among_neighbours: Option<AmongNeighbours<V>>,
 }
@@ -361,8 +344,8 @@ struct AmongNeighbours<V: Indexed> {
 
 impl<V: Indexed> Regularizers<V> {
     /// Σ λ |R|ᵀ |R| 1, which majorizes them; for Jacobi the diagonal of Σ λ Rᵀ R.
-    fn diagonal(&self, weights: Weights, metric: MetricName) -> Vec<f64> {
-        let mut sums: Vec<f64> = self.pulls.iter().map(|pull| weights.tikhonov * pull).collect();
+    fn diagonal(&self, pulls: &[f64], weights: Weights, metric: MetricName) -> Vec<f64> {
+        let mut sums: Vec<f64> = pulls.iter().map(|pull| weights.tikhonov * pull).collect();
         if let Some(AmongNeighbours { neighbours, .. }) = &self.among_neighbours {
             let (of_gradient, of_laplacian) = match metric {
                 MetricName::Jacobi => {
@@ -402,14 +385,19 @@ fn reached(coverage: &CpuVector) -> Vec<u32> {
     coverage.0.iter().enumerate().filter(is_reached).map(|(index, _)| index as u32).collect()
 }
 
-/// Mean over reached elements and channels of ‖W T eᵢ‖², for the elements before `placed` and for the others; none where none is
-/// reached.
-fn mean_squared_column_norms(coverage: &CpuVector, placed: usize, reached: &[u32]) -> [Option<f64>; 2] {
-    let (of_lattice, of_others) = coverage.0.split_at(placed);
-    let before = reached.partition_point(|&column| (column as usize) < placed);
-    let mean = |squares: &[Rgb], count: usize| {
-        let sum: f64 = squares.iter().flatten().map(|&value| f64::from(value)).sum();
+/// Mean over reached elements and channels of ‖W T eᵢ‖², of the first parts of one scale of which any is reached; and of each part the same
+/// of its own scale, relative to that.
+fn mean_squared_column_norms(problem: &Formulation, coverage: &CpuVector) -> (f64, Vec<f64>) {
+    let mean = |scale: usize| {
+        let (mut sum, mut count) = (0.0, 0);
+        for (range, _) in problem.ranges().filter(|(_, part)| part.scale == scale) {
+            let squares = &coverage.0[range];
+            squares.iter().flatten().for_each(|&value| sum += f64::from(value));
+            count += squares.iter().filter(|squares| squares.iter().any(|&value| value > 0.0)).count();
+        }
         (count > 0).then(|| sum / (3 * count) as f64)
     };
-    [mean(of_lattice, before), mean(of_others, reached.len() - before)]
+    let means: Vec<Option<f64>> = problem.parts.iter().map(|part| mean(part.scale)).collect();
+    let first = means.iter().flatten().next().copied().unwrap_or_default();
+    (first, means.into_iter().map(|mean| mean.map_or(1.0, |mean| mean / first)).collect())
 }

@@ -84,3 +84,10 @@ pub struct Scene {
     /// Stops by which PNG pictures are brightened; EXR pictures hold radiance as it is.
     pub exposure: f64,
 }
+
+impl Scene {
+    /// Pixels of all views.
+    pub fn pixels(&self) -> usize {
+        self.views.iter().map(|view| view.camera.size().iter().product::<usize>()).sum()
+    }
+}

@@ -114,6 +114,11 @@ impl SolverName {
     pub fn keeps_bounds(self) -> bool {
         !matches!(self, Self::Cgls | Self::Lsqr | Self::Lsmr)
     }
+
+    /// Bounds, for a solver that keeps any; for others infinite ones.
+    pub fn kept(self, bounds: [[f64; 3]; 2]) -> [[f64; 3]; 2] {
+        if self.keeps_bounds() { bounds } else { [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]] }
+    }
 }
 
 /// What steps are measured with: the nearer to Aᵀ A, the fewer iterations.

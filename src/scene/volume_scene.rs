@@ -46,6 +46,13 @@ pub struct VolumeScene {
     pub exposure: f64,
 }
 
+impl VolumeScene {
+    /// Pixels of all views.
+    pub fn pixels(&self) -> usize {
+        self.views.iter().map(|view| view.view.camera.size().iter().product::<usize>()).sum()
+    }
+}
+
 /// A heterogeneous medium.
 #[derive(Debug, Clone)]
 pub struct VolumeMedium {

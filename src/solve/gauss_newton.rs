@@ -48,7 +48,7 @@ pub trait NonLinear {
     fn take(&mut self, step: &Self::Step);
 
     /// Hears of every step, taken or not, and may stop.
-    fn told(&mut self, step: Self::Step, taken: Taken) -> Control;
+    fn told(&mut self, step: Self::Step, taken: Taken) -> Result<Control>;
 }
 
 /// What became of a step.
@@ -79,7 +79,7 @@ pub fn gauss_newton<N: NonLinear>(problem: &mut N, settings: &GaussNewton) -> Re
             }
         }
         let after = problem.distance();
-        let control = problem.told(step, Taken { number, share, distance: [before, after] });
+        let control = problem.told(step, Taken { number, share, distance: [before, after] })?;
         if control == Control::Stop || before - after <= settings.least_gain * before {
             break;
         }

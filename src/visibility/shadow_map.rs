@@ -27,6 +27,9 @@ struct Level {
 }
 
 impl ShadowMap {
+    /// Bytes a texel: 4 for its depth while it is rendered, 8 for its range, a third of 8 for the pyramid.
+    pub const TEXEL: usize = 15;
+
     /// From depths in metres relative to `depth_origin`, row by row; infinite where nothing blocks the light.
     ///
     /// Errors: [`Error::Shape`] for a wrong number of depths, [`Error::NonFinite`] for a NaN.

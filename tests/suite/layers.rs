@@ -98,3 +98,35 @@ fn an_upward_import_is_noticed() {
     assert_eq!(violations("cpu", "let x = crate::solve::Cgls::new();").len(), 1);
     assert_eq!(violations("problem", "use crate::cpu;\n// crate::report is above").len(), 0);
 }
+
+/// Words between quotation marks.
+fn literals(text: &str) -> impl Iterator<Item = &str> {
+    let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+    code.flat_map(|line| line.split('"').skip(1).step_by(2))
+}
+
+#[test]
+fn the_library_names_settings_and_the_command_says_which_flag_that_is() {
+    let mut files = Vec::new();
+    sources(&crate::root().join("src"), &mut files);
+    let (command, library): (Vec<_>, Vec<_>) =
+        files.iter().partition(|path| path.starts_with(crate::root().join("src/cli")));
+    let read = |paths: &[&PathBuf]| -> String {
+        paths.iter().map(|path| fs::read_to_string(path).unwrap()).collect()
+    };
+    let (command, library) = (read(&command), read(&library));
+    let is_flag = |words: &&str| {
+        let mut after = words.split("--").skip(1);
+        // Variables of the report's style sheet begin like that, too.
+        after.any(|word| word.starts_with(|c: char| c.is_ascii_lowercase()) && !word.starts_with("chart"))
+    };
+    let flags: Vec<&str> = literals(&library).filter(is_flag).collect();
+    assert!(flags.is_empty(), "{flags:?}");
+    // Every setting that the command translates is one that the library names.
+    let table = command.split("const FLAGS").nth(1).unwrap().split("];").next().unwrap();
+    let settings: Vec<&str> = literals(table).step_by(2).collect();
+    assert!(settings.len() > 5);
+    for setting in settings {
+        assert!(library.contains(setting), "{setting}");
+    }
+}

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 use unscatter::io::scene_file;
 use unscatter::operator::{LinearOperator, Vector};
-use unscatter::problem::LightMapProblem;
+use unscatter::problem::{LightMapProblem, Problem};
 use unscatter::scene::{Scene, Strategy as Keep};
 
 /// A file with something of everything; small, so that thousands of variants are solved in seconds.
@@ -76,7 +76,7 @@ fn survives(bytes: &[u8]) -> Result<bool, TestCaseError> {
             return Ok(None);
         }
         let problem = LightMapProblem::new(&scene)?;
-        let operator = problem.operator_with(Keep::Auto, 1 << 20)?;
+        let operator = problem.on_cpu(Keep::Auto, 1 << 20)?;
         let (mut x, mut y) = (operator.domain(), operator.range());
         x.fill([1.0; 3]);
         operator.apply(&x, &mut y)?;

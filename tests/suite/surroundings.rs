@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use unscatter::Error;
 use unscatter::march::Surroundings;
-use unscatter::operator::{CpuVector, LinearOperator, Neighbours, TransportOperator, WalkPlan, adjoint_test};
-use unscatter::problem::{LightMapProblem, evenly, render, solve};
+use unscatter::operator::{CpuVector, LinearOperator, Neighbours, TransportOperator, adjoint_test};
+use unscatter::problem::{LightMapProblem, Problem, evenly, render, solve};
 use unscatter::scene::{Medium, Ray, Rgb, Scene, Strategy, Weight};
 use unscatter::solve::Control;
 use unscatter::sparse::ExplicitMatrix;
@@ -250,7 +250,7 @@ fn both_strategies_are_the_explicit_matrix_and_have_its_adjoint() {
         let problem = LightMapProblem::new(&scene_of(case)).unwrap();
         assert!(adjoint_test(&explicit(&problem), 3, 5).unwrap().error <= ADJOINT_F64);
         for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
-            let operator = problem.operator_with(strategy, u64::MAX).unwrap();
+            let operator = problem.on_cpu(strategy, u64::MAX).unwrap();
             assert_is_explicit(&format!("{case:?}, {strategy:?}"), &problem, &operator);
         }
         // One weight of one light makes a difference.
@@ -283,7 +283,7 @@ fn rows_on_an_adapter_are_the_explicit_matrix() {
 #[test]
 fn a_few_rows_are_the_rows_they_are() {
     let problem = LightMapProblem::new(&scene_of(&CASES[0])).unwrap();
-    let few = problem.sampled(100);
+    let few = problem.of_some(&evenly(100, problem.constraints.len()));
     let [all, few_of_all] = [&problem, &few].map(|problem| shown(problem, &some_light(problem, 3)));
     let expected: Vec<Rgb> = evenly(100, all.len()).into_iter().map(|row| all[row]).collect();
     assert_eq!(few_of_all, expected);
@@ -291,7 +291,7 @@ fn a_few_rows_are_the_rows_they_are() {
 
 /// All elements that a problem's solve finds for pictures.
 fn found(scene: &Scene, problem: &LightMapProblem) -> Vec<Rgb> {
-    let operator = problem.operator(scene, u64::MAX).unwrap();
+    let operator = problem.on_cpu(scene.solve.strategy, u64::MAX).unwrap();
     let coverage = operator.squares(&problem.weights()).unwrap();
     let solved =
         solve(problem, &operator, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue)).unwrap();
@@ -319,7 +319,7 @@ fn only_texels(mut problem: LightMapProblem) -> LightMapProblem {
     let surfaces = Surroundings::new(0, &[], reflected).unwrap();
     problem.traversal = problem.traversal.among(Arc::new(surfaces));
     problem.further_start.clear();
-    problem.plan = WalkPlan::of(&problem.traversal, problem.is_grey());
+    problem.replan();
     problem
 }
 
@@ -351,8 +351,8 @@ fn known_light_comes_back_and_a_light_map_alone_is_no_match() {
 #[test]
 fn regularizers_among_neighbours_leave_the_surroundings_alone() {
     let nowhere = unscatter::operator::NOWHERE;
-    let with = Neighbours::new(&[3, 2], &[0, 1, 2, 4, nowhere, nowhere]).unwrap();
-    let without = Neighbours::new(&[3, 2], &[0, 1, 2, 4]).unwrap();
+    let with = Neighbours::new([3, 2], &[0, 1, 2, 4, nowhere, nowhere]).unwrap();
+    let without = Neighbours::new([3, 2], &[0, 1, 2, 4]).unwrap();
     assert_eq!(with.edges(), without.edges());
     assert_eq!(with.degrees(), [without.degrees(), vec![0, 0]].concat());
 

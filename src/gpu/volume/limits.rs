@@ -12,7 +12,7 @@ use crate::{Error, Result};
 const ROUNDS: usize = 60_000;
 /// Optical depth after which the kernels have left a piece, or a ray, for certain.
 const DARK: f64 = 64.0;
-const REMEDY: &str = "choose the strategy `assembled`, which keeps the rows, or use --backend cpu";
+const REMEDY: &str = "choose the strategy `assembled`, which keeps the rows, or compute on the processor";
 
 /// Errors: [`Error::Unsupported`] for what there is no kernel for, [`Error::TooLarge`] for rays whose loops would not end by themselves.
 pub(super) fn check(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumulation) -> Result<()> {
@@ -57,7 +57,7 @@ fn check_rounds(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumulati
         what: "a ray on a software adapter".to_owned(),
         needed: format!("{needed} rounds of its loops"),
         limit: ROUNDS.to_string(),
-        remedy: "lower the number of voxels, choose the strategy `assembled`, or use --backend cpu",
+        remedy: "lower the number of voxels, choose the strategy `assembled`, or compute on the processor",
     })
 }
 

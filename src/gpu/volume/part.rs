@@ -210,7 +210,7 @@ fn upload<T: bytemuck::Pod>(gpu: &Gpu, what: &str, values: &[T]) -> Result<Alloc
             what: format!("{what} on the adapter"),
             needed: format!("{bytes} bytes"),
             limit: format!("{} bytes", gpu.binding_limit()),
-            remedy: "lower the number of voxels, choose the strategy `assembled`, or use --backend cpu",
+            remedy: "lower the number of voxels, choose the strategy `assembled`, or compute on the processor",
         });
     }
     gpu.upload(what, values)

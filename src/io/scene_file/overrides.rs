@@ -24,7 +24,7 @@ impl Override {
             Some(Self { path: DocumentPath::parse(path.trim())?, value })
         });
         let expected = "path=value, such as views[0].camera.fov=50";
-        parsed.ok_or_else(|| Error::value("--set", format!("`{}`", shown(text)), expected))
+        parsed.ok_or_else(|| Error::value("override", format!("`{}`", shown(text)), expected))
     }
 
     /// Puts the value into the document; objects that are missing on the way are made.

@@ -61,9 +61,9 @@ impl Source<'_> {
     /// Tells a reader who would look for the value in the file that it does not come from there.
     fn origin(&self, path: &DocumentPath) -> &'static str {
         if self.set.iter().any(|set| set.holds(path)) {
-            " (set by --set)"
+            " (set by an override)"
         } else if !path.0.is_empty() && self.set.iter().any(|set| path.holds(set)) {
-            " (partly set by --set)"
+            " (partly set by an override)"
         } else {
             ""
         }

@@ -225,18 +225,18 @@ fn overrides_take_the_place_of_what_the_file_says() {
 #[test]
 fn bad_overrides_are_told_as_such() {
     let table = [
-        ("views[0].camera.fov=0", (17, 16), "views[0].camera.fov", "(set by --set)"),
-        ("views[7].name=x", (12, 12), "views[7].name", "the last one is 1 (set by --set)"),
+        ("views[0].camera.fov=0", (17, 16), "views[0].camera.fov", "(set by an override)"),
+        ("views[7].name=x", (12, 12), "views[7].name", "the last one is 1 (set by an override)"),
         ("solver=cgls", (1, 1), "solver", "unknown field `solver`"),
         ("ambient=bright", (7, 14), "ambient", "the text \"bright\" is not allowed"),
-        ("ambient=1e999", (7, 14), "ambient", "(set by --set)"),
+        ("ambient=1e999", (7, 14), "ambient", "(set by an override)"),
         (
             "views[1].camera.to_world.look_at={\"origin\": [0,0,0], \"target\": [0,0,0]}",
             (26, 31),
             "views[1].camera.to_world",
-            "(partly set by --set)",
+            "(partly set by an override)",
         ),
-        ("version=3", (3, 14), "version", "(set by --set)"),
+        ("version=3", (3, 14), "version", "(set by an override)"),
     ];
     for (text, (line, column), path, problem) in table {
         let got = told(GOOD, &[text]);
@@ -246,7 +246,7 @@ fn bad_overrides_are_told_as_such() {
     assert_eq!(told(GOOD, &["solver=cgls"]).4.as_deref(), Some("solve"));
     assert!(!told(GOOD, &["exposure=1", "ambient=-1"]).3.contains("partly"));
     let Err(Error::Value { path, .. }) = loaded(GOOD, &["no equals sign"]) else { panic!("was accepted") };
-    assert_eq!(path, "--set");
+    assert_eq!(path, "override");
 }
 
 fn document_from(text: &str) -> Document {

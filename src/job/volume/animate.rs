@@ -7,11 +7,10 @@ use super::super::engine::Engine;
 use super::super::environment::write_environment;
 use super::super::folder::Folder;
 use super::super::steps::{Steps, Timings};
-use super::super::{Options, machine};
-use super::findings::{Findings, matched};
+use super::super::{Options, Scenes, machine, memory};
 use super::stage::Place;
-use super::staging::{self, Distance, Outcome, distance, relative};
-use super::{geometry_of, memory, nothing_asked, pictures, results};
+use super::staging::{self, Distance, Outcome, distance, matched, relative};
+use super::{nothing_asked, pictures, results};
 use crate::io::scene_file::AnimatedVolume;
 use crate::io::volume::Format;
 use crate::problem::{Desired, Determined, Occupied, Optics, Spread, VolumeProblem, VolumeState};
@@ -88,11 +87,7 @@ fn asked(frames: Option<RangeInclusive<usize>>, count: usize) -> Result<Vec<usiz
     let frames = frames.unwrap_or(0..=count.saturating_sub(1));
     if *frames.end() >= count {
         let given = format!("{}..{}", frames.start(), frames.end());
-        return Err(Error::value(
-            "--frames",
-            given,
-            "within the frames of the animation, which begin with 0",
-        ));
+        return Err(Error::value("frames", given, "within the frames of the animation, which begin with 0"));
     }
     Ok(frames.collect())
 }
@@ -124,7 +119,7 @@ fn solve(
 ) -> Result<Vec<SolvedKey>> {
     let mut keys = Vec::new();
     steps.begin("lighting", None);
-    let geometry = geometry_of(animated.animation.keys.iter().map(|key| &key.scene))?;
+    let geometry = Scenes::Animation(animated.clone()).geometry()?;
     for (index, key) in animated.animation.keys.iter().enumerate() {
         steps.within(format!("frame {}", key.frame));
         let prefix = of_frame("key", key.frame);
@@ -133,7 +128,7 @@ fn solve(
         // Its checkpoint.
         folder.map_or(Ok(()), Folder::publish)?;
         let is_interrupted = outcome.is_interrupted();
-        let report = Findings { scene: &key.scene, outcome: &outcome }.report(&Vec::new());
+        let report = outcome.report(&key.scene, &Vec::new())?;
         // The rows are not needed any more.
         let Outcome { state, optics, desired, before, after, distances, determined, .. } = outcome;
         keys.push(SolvedKey {

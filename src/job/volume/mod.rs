@@ -1,9 +1,6 @@
 //! From pictures to a volume, and to its light.
 
 mod animate;
-mod findings;
-mod memory;
-mod plan;
 mod results;
 mod stage;
 mod staging;
@@ -11,32 +8,21 @@ mod turntable;
 
 use std::sync::Arc;
 
-use super::Options;
 use super::engine::Engine;
 use super::environment::write_environment;
 use super::folder::Folder;
 use super::steps::{Steps, Timings};
+use super::{Options, memory};
 use crate::problem::{Desired, Model, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use crate::report::{self, Report};
 use crate::scene::{Find, Image, VolumeMedium, VolumeScene};
 use crate::visibility::Geometry;
 use crate::{Error, Result};
-use findings::Findings;
 use stage::Place;
 use staging::Outcome;
 
 pub(crate) use animate::of_frame;
 pub(super) use animate::{FoundAnimation, solve_keys};
-pub(super) use memory::budget as stage_budget;
-pub(super) use memory::{check_keys, check_scene};
-pub use plan::VolumePlan;
-pub(super) use plan::plans;
-
-/// The hierarchy over the triangles of some scenes, which those of key frames share.
-pub(crate) fn geometry_of<'a>(scenes: impl IntoIterator<Item = &'a VolumeScene>) -> Result<Arc<Geometry>> {
-    let mesh = scenes.into_iter().next().map(|scene| scene.mesh.clone());
-    Ok(Arc::new(Geometry::new(mesh.unwrap_or_default())?))
-}
 
 /// A volume that was found, and all there is to know about it.
 pub(crate) struct FoundVolume {
@@ -54,10 +40,10 @@ pub(super) fn solve(
 ) -> Result<FoundVolume> {
     let place = Place { options, folder, prefix: "", is_later: false };
     steps.begin("lighting", None);
-    let geometry = geometry_of([scene])?;
+    let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
     let outcome = staging::run(scene, &geometry, engine, place, steps)?;
     steps.begin("turning", None);
-    let model = VolumeProblem::model(scene, outcome.last.find);
+    let model = VolumeProblem::model(scene, outcome.last.problem.find);
     let renderer = VolumeRenderer::new(scene, &outcome.state.medium, &outcome.optics, model);
     let turns = if options.pictures { options.turntable } else { 0 };
     let turns = turntable::pictures(&renderer, scene, turns, steps)?;
@@ -78,8 +64,8 @@ impl FoundVolume {
         self.outcome.after.get(view)
     }
 
-    pub(super) fn report(&self, scene: &VolumeScene, timings: &Timings) -> Report {
-        Findings { scene, outcome: &self.outcome }.report(timings)
+    pub(super) fn report(&self, scene: &VolumeScene, timings: &Timings) -> Result<Report> {
+        self.outcome.report(scene, timings)
     }
 
     /// Writes everything but the report; what of it the page shows.
@@ -142,11 +128,11 @@ pub(super) fn draw(
 }
 
 /// The problems of a scene's stages, each from the scene's own medium.
-pub(crate) fn problems(
+pub(super) fn problems(
     scene: &VolumeScene,
     geometry: &Arc<Geometry>,
     steps: &mut Steps<'_>,
-) -> Result<Vec<(Find, VolumeProblem)>> {
+) -> Result<Vec<VolumeProblem>> {
     let first = *scene.stages.first().ok_or_else(nothing_asked)?;
     steps.begin("lighting", None);
     let optics = Optics::new(scene, geometry, &VolumeState::of(scene)?)?;
@@ -155,7 +141,7 @@ pub(crate) fn problems(
     steps.begin("tracing", None);
     let problem = |&find: &Find| {
         memory::check_light(scene, &optics, find)?;
-        Ok((find, VolumeProblem::new(scene, &scene.medium, &optics, &desired, find)?))
+        VolumeProblem::new(scene, &scene.medium, &optics, &desired, find)
     };
     scene.stages.iter().map(problem).collect()
 }
@@ -178,6 +164,6 @@ pub(super) fn pictures(
     (0..scene.views.len()).map(draw).collect()
 }
 
-fn nothing_asked() -> Error {
+pub(super) fn nothing_asked() -> Error {
     Error::Empty { reason: "nothing is looked for".to_owned(), remedy: "say what to `find`" }
 }

@@ -3,15 +3,14 @@
 use std::sync::Arc;
 
 use super::super::engine::Engine;
-use super::super::steps::Steps;
-use super::findings::record;
+use super::super::steps::{Steps, Timings};
 use super::stage::{Place, Stage, Task};
 use super::{nothing_asked, pictures};
 use crate::Result;
 use crate::problem::{Desired, Determined, Model, Optics, VolumeProblem, VolumeState};
-use crate::report::StageRecord;
+use crate::report::{Change, Report, StageRecord, ViewMatch};
 use crate::scene::{Find, Image, Rgb, VolumeScene};
-use crate::solve::{Control, GaussNewton, NonLinear, StopReason, Taken, gauss_newton};
+use crate::solve::{Control, GaussNewton, NonLinear, Taken, gauss_newton};
 use crate::visibility::Geometry;
 
 /// A round that brings the pictures nearer by less than this share of their distance is the last one.
@@ -44,8 +43,56 @@ pub(super) struct Outcome {
 
 impl Outcome {
     pub(super) fn is_interrupted(&self) -> bool {
-        self.last.is_interrupted()
+        self.last.computed.is_interrupted()
     }
+
+    /// The numbers of the last stage, and a summary of each.
+    pub(super) fn report(&self, scene: &VolumeScene, timings: &Timings) -> Result<Report> {
+        let [before, after] = &self.distances;
+        let about = (scene.name.as_str(), scene.target, scene.pixels());
+        let mut report = self.last.findings().report("volume", about, timings)?;
+        let finds: Vec<&str> = self.records.iter().map(|stage| stage.find.as_str()).collect();
+        report.settings.insert("looked_for".to_owned(), finds.join(", then "));
+        Ok(Report {
+            weighted_residual: Change { before: before.all, after: after.all },
+            matched: matched(scene, &self.desired, [before, after]),
+            stages: self.records.clone(),
+            ..report
+        })
+    }
+}
+
+/// How near each view of which something is wanted has come.
+pub(super) fn matched(
+    scene: &VolumeScene,
+    desired: &[Desired],
+    [before, after]: [&Distance; 2],
+) -> Vec<ViewMatch> {
+    let views = scene.views.iter().zip(desired).enumerate();
+    views
+        .filter(|(_, (_, desired))| desired.is_wanted())
+        .map(|(index, (view, desired))| ViewMatch {
+            view: view.view.name.clone(),
+            painted_pixels: desired.pixels.iter().filter(|pixel| pixel[3] > 0.0).count() as u64,
+            weighted_residual: Change { before: before.views[index], after: after.views[index] },
+            ..ViewMatch::default()
+        })
+        .collect()
+}
+
+/// A stage in a few numbers.
+fn record(stage: &Stage, round: usize, is_taken: bool, [before, after]: [f64; 2]) -> Result<StageRecord> {
+    let findings = stage.findings();
+    Ok(StageRecord {
+        frame: None,
+        find: stage.problem.find.name().to_owned(),
+        round: round as u64 + 1,
+        is_taken,
+        problem: findings.size()?,
+        weighted_residual: Change { before, after },
+        stop: findings.stop(),
+        certificate: findings.certificate()?,
+    })
 }
 
 /// Solves a scene's stages in turn, and again for as many rounds as it asks for, while the pictures come nearer.
@@ -68,7 +115,7 @@ pub(super) fn run(
                 Find::Refinement => course.refine()?,
                 _ => course.take(find, round)?,
             }
-            if course.last.as_ref().is_some_and(Stage::is_interrupted) {
+            if course.last.as_ref().is_some_and(|stage| stage.computed.is_interrupted()) {
                 break 'rounds;
             }
         }
@@ -157,7 +204,7 @@ impl<'a, 's> Course<'a, 's> {
         // In rounds nothing is taken that is farther away.
         let is_taken = self.scene.rounds == 1 || view.distance.all <= self.now.all;
         let reached = if is_taken { view.distance.all } else { self.now.all };
-        self.records.push(record(&stage, round, is_taken, [self.now.all, reached]));
+        self.records.push(record(&stage, round, is_taken, [self.now.all, reached])?);
         if is_taken {
             self.put(&stage, stage.state.clone(), view);
         }
@@ -193,7 +240,7 @@ impl<'a, 's> Course<'a, 's> {
 
     /// Takes a state that a stage has found.
     fn put(&mut self, stage: &Stage, state: VolumeState, view: View) {
-        let found = Determined::by(&stage.problem, &stage.trial.solved.columns);
+        let found = Determined::by(&stage.problem, &stage.computed.solved.columns);
         self.determined.retain(|old| found.iter().all(|new| new.property != old.property));
         self.determined.extend(found);
         (self.state, self.optics, self.after, self.now) = (state, view.optics, view.pictures, view.distance);
@@ -225,11 +272,11 @@ impl NonLinear for Refinement<'_, '_, '_> {
     }
 
     fn look(&mut self, stage: &Stage, share: f32) -> Result<f64> {
-        let (from, to) = (&stage.problem.start, &stage.trial.solved.x);
+        let (from, to) = (&stage.problem.start, &stage.computed.solved.x);
         let part = |(from, to): (&Rgb, &Rgb)| std::array::from_fn(|c| from[c] + share * (to[c] - from[c]));
         let x: Vec<Rgb> = from.iter().zip(to).map(part).collect();
         let state = stage.problem.apply(&self.course.state, &x)?;
-        let view = self.course.view(stage.find, &state)?;
+        let view = self.course.view(stage.problem.find, &state)?;
         let distance = view.distance.all;
         self.looked = Some((state, view));
         Ok(distance)
@@ -241,12 +288,12 @@ impl NonLinear for Refinement<'_, '_, '_> {
         }
     }
 
-    fn told(&mut self, stage: Stage, taken: Taken) -> Control {
+    fn told(&mut self, stage: Stage, taken: Taken) -> Result<Control> {
         let Taken { number, share, distance } = taken;
-        self.course.records.push(record(&stage, number, share.is_some(), distance));
-        let control = if stage.is_interrupted() { Control::Stop } else { Control::Continue };
+        self.course.records.push(record(&stage, number, share.is_some(), distance)?);
+        let control = if stage.computed.is_interrupted() { Control::Stop } else { Control::Continue };
         self.course.last = Some(stage);
-        control
+        Ok(control)
     }
 }
 
@@ -260,11 +307,4 @@ pub(super) fn distance(desired: &[Desired], pictures: &[Image]) -> Distance {
 /// √(Σ w ‖L − L*‖² / Σ w ‖L*‖²).
 pub(super) fn relative([miss, all]: [f64; 2]) -> f64 {
     if all > 0.0 { (miss / all).sqrt() } else { 0.0 }
-}
-
-impl Stage {
-    /// Whether it was stopped by a person.
-    pub(super) fn is_interrupted(&self) -> bool {
-        self.trial.solved.outcome.stop.reason == StopReason::Interrupted
-    }
 }

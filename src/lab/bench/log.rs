@@ -77,8 +77,8 @@ fn read(path: &Path, kind: &str) -> Result<HashMap<String, Value>> {
         serde_json::from_str::<Value>(line).is_ok_and(|line| line.get("kind") == Some(&json!(kind)))
     };
     if !lines.next().is_some_and(is_of) {
-        let expected = "of the same program, scenes and flags; leave --resume away to begin anew";
-        return Err(Error::value("--resume", format!("{} of another run", path.display()), expected));
+        let expected = "of the same program, scenes and settings; leave resume away to begin anew";
+        return Err(Error::value("resume", format!("{} of another run", path.display()), expected));
     }
     let mut known = HashMap::new();
     for line in lines {
@@ -92,9 +92,9 @@ fn read(path: &Path, kind: &str) -> Result<HashMap<String, Value>> {
 
 fn broken(path: &Path, case: &str, error: &serde_json::Error) -> Error {
     Error::value(
-        "--resume",
+        "resume",
         format!("the case {case} in {} ({error})", path.display()),
-        "one that this program wrote; leave --resume away to begin anew",
+        "one that this program wrote; leave resume away to begin anew",
     )
 }
 

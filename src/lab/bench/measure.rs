@@ -6,12 +6,11 @@ use std::time::{Duration, Instant};
 use super::cases::Place;
 use super::cases::{Case, Precision, Task};
 use super::reference::Sample;
-use super::subject::Problem;
 #[cfg(feature = "gpu")]
 use crate::gpu::Gpu;
 use crate::job::{Stop, peak_memory};
 use crate::operator::{TransportOperator, Vector, adjoint_test};
-use crate::problem::minimize;
+use crate::problem::{Problem, Snapshot, solve};
 use crate::report::bench::{Measured, Record};
 use crate::scene::{Quadrature, SolveSettings, SolverName};
 use crate::{Error, Result};
@@ -96,8 +95,8 @@ impl Bench {
     ///
     /// Errors: [`Error::NonFinite`] naming the case, and those of the operator and the method.
     pub(super) fn measure(&self, scene: &str, case: &Case, sample: &Sample) -> Result<Option<Record>> {
-        let Some(mut problem) = sample.problem.walked(case.quadrature, None) else { return Ok(None) };
-        match self.run(scene, case, sample, &mut problem) {
+        let Some(mut problem) = sample.problem.integrated(case.quadrature, None) else { return Ok(None) };
+        match self.run(scene, case, sample, &mut *problem) {
             // Adapters have no kernel for some of the cases.
             Err(error) if error.is_not_possible_here() => {
                 tracing::warn!("{scene}/{} is left out: {error}", case.name());
@@ -108,26 +107,18 @@ impl Bench {
         }
     }
 
-    fn run(&self, scene: &str, case: &Case, sample: &Sample, problem: &mut Problem) -> Result<Record> {
+    fn run(&self, scene: &str, case: &Case, sample: &Sample, problem: &mut dyn Problem) -> Result<Record> {
         let clock = Instant::now();
         problem.replan();
         let planning = clock.elapsed().as_secs_f64();
         let (run, problem) = (Run { bench: self, scene, case, sample, problem, planning }, &*problem);
         #[cfg(feature = "gpu")]
         if let (Place::Gpu, Some(gpu)) = (case.place, &self.gpu) {
-            return match problem {
-                Problem::LightMap(problem) => {
-                    run.with(|| problem.on_gpu(gpu, case.strategy, u64::MAX, false))
-                }
-                Problem::Volume(_, problem) => {
-                    run.with(|| problem.on_gpu(gpu, case.strategy, u64::MAX, false))
-                }
-            };
+            return run.with(|| problem.on_gpu(gpu, case.strategy, u64::MAX, false));
         }
-        match (case.precision, problem) {
-            (Precision::F64, problem) => run.with(|| problem.wide(case.strategy)),
-            (_, Problem::LightMap(problem)) => run.with(|| problem.operator_with(case.strategy, u64::MAX)),
-            (_, Problem::Volume(_, problem)) => run.with(|| problem.operator(case.strategy, u64::MAX)),
+        match case.precision {
+            Precision::F64 => run.with(|| problem.wide(case.strategy)),
+            Precision::F32 => run.with(|| problem.on_cpu(case.strategy, u64::MAX)),
         }
     }
 }
@@ -138,7 +129,7 @@ struct Run<'a> {
     scene: &'a str,
     case: &'a Case,
     sample: &'a Sample,
-    problem: &'a Problem,
+    problem: &'a dyn Problem,
     /// Seconds that foreseeing the rows took.
     planning: f64,
 }
@@ -187,10 +178,8 @@ impl Run<'_> {
         let set_up = clock.elapsed().as_secs_f64();
         let clock = Instant::now();
         let coverage = operator.squares(&self.problem.weights())?;
-        let formulation = self.problem.formulation(&settings)?;
-        let solved = minimize(&formulation, &operator, &coverage, &settings, None, |_, _| {
-            Ok(patience.stop.control())
-        })?;
+        let go_on = |_: &_, _: &mut dyn Snapshot| Ok(patience.stop.control());
+        let solved = solve(self.problem, &operator, &coverage, &settings, None, go_on)?;
         let seconds = clock.elapsed().as_secs_f64();
         let iterated = solved.outcome.history.progress.last().map_or(0, |last| last.operator_applications);
         let (error, excess) = self.sample.distances(reference, solver, &solved.x)?;
@@ -225,7 +214,7 @@ impl Run<'_> {
             basis,
             precision,
             strategy,
-            rows: self.problem.len() as u64,
+            rows: self.problem.rows() as u64,
             elements: operator.domain().len() as u64,
             nonzeros: self.problem.plan().nonzeros,
             error: 0.0,

@@ -157,7 +157,7 @@ impl Session<'_> {
             }
             Ok(())
         };
-        let marches = source.load(&[])?.can_march();
+        let marches = subject::can_march(&source.load(&[])?);
         let all = cases(self.asked.level, &self.places, marches);
         observer.begins(&Step { name: &name, within: "", parts: Some(all.len() as u64) });
         for (index, case) in all.iter().enumerate() {

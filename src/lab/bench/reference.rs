@@ -3,14 +3,15 @@
 use std::cell::OnceCell;
 
 use super::cases::Between;
-use super::subject::{Problem, Rows, Stage};
-use crate::cpu::HostOperator;
-use crate::job::Stop;
-use crate::operator::{Blocks, CpuVector, LinearOperator, TransportOperator, Vector};
-use crate::problem::{Solved, System, measure, minimize};
-use crate::scene::{MetricName, Rgb, SolveSettings, SolverName, Strategy};
+use super::subject;
+use crate::job::{Asked, Scenes, Stop};
+use crate::operator::{Blocks, CpuVector, LinearOperator, OnHost, TransportOperator, Vector};
+use crate::problem::{Problem, Snapshot, Solved, System, measure, solve};
+use crate::scene::{MetricName, Quadrature, Rgb, SolveSettings, SolverName, Strategy};
 use crate::{Error, Result};
 
+/// Non-zeros that an explicit matrix may have.
+const NONZEROS: u64 = 50_000_000;
 /// Part of its start that the projected gradient of a reference solution falls to.
 const TOLERANCE: f64 = 1e-10;
 /// A reference solution that ends farther off is none.
@@ -20,14 +21,14 @@ const ITERATIONS: usize = 20_000;
 /// A sample of the rows of a scene in one basis, with the exact matrix and what follows from it.
 pub(super) struct Sample {
     /// Its rows, exact.
-    pub(super) problem: Problem,
+    pub(super) problem: Box<dyn Problem>,
     /// How it is solved.
     pub(super) settings: SolveSettings,
     /// x and E x; y and Eᵀ y.
     forward: [CpuVector<f64>; 2],
     backward: [CpuVector<f64>; 2],
     /// The rows kept in f64, and their coverage.
-    wide: HostOperator<Rows, f64>,
+    wide: OnHost<f64>,
     coverage: CpuVector,
     /// Ends their search, when it is asked for.
     stop: Stop,
@@ -48,17 +49,17 @@ pub(super) struct Reference {
 
 impl Sample {
     /// Samples at most so many rows of a scene.
-    pub(super) fn new(stage: Stage, between: Between, rows: usize, stop: &Stop) -> Result<Self> {
-        let stage = stage.with(between);
-        let problem = stage.problem()?.sampled(rows);
-        let problem = problem.walked(crate::scene::Quadrature::Exact, None).unwrap_or(problem);
+    pub(super) fn new(scenes: Scenes, between: Between, rows: usize, stop: &Stop) -> Result<Self> {
+        let Asked { problem, settings, .. } = subject::problem(&subject::with(scenes, between))?;
+        let problem = problem.sampled(rows);
+        let problem = problem.integrated(Quadrature::Exact, None).unwrap_or(problem);
         stop.go_on()?;
-        let explicit = problem.explicit()?;
+        let explicit = problem.explicit(NONZEROS)?;
         stop.go_on()?;
         let wide = problem.wide(Strategy::Assembled)?;
         let coverage = wide.squares(&problem.weights())?;
         Ok(Self {
-            settings: SolveSettings { time_limit: None, ..stage.settings() },
+            settings: SolveSettings { time_limit: None, ..settings },
             forward: products(|x, y| explicit.apply(x, y), explicit.domain(), explicit.range())?,
             backward: products(|y, x| explicit.apply_adjoint(y, x), explicit.range(), explicit.domain())?,
             wide,
@@ -125,9 +126,8 @@ impl Sample {
 
     /// A solve of the rows kept in f64.
     pub(super) fn solve(&self, settings: &SolveSettings) -> Result<Solved> {
-        let formulation = self.problem.formulation(settings)?;
-        let go_on = |_: &_, _: &mut dyn crate::problem::Snapshot| Ok(self.stop.control());
-        minimize(&formulation, &self.wide, &self.coverage, settings, None, go_on)
+        let go_on = |_: &_, _: &mut dyn Snapshot| Ok(self.stop.control());
+        solve(&*self.problem, &self.wide, &self.coverage, settings, None, go_on)
     }
 
     fn find(&self, bounded: bool) -> Result<Reference> {
@@ -165,7 +165,7 @@ impl Sample {
                 place: format!("{} iterations of each of {} solvers", ITERATIONS, solvers.len()),
             });
         };
-        let start = self.problem.start();
+        let start = self.problem.formulation(&self.settings)?.starts();
         Ok(Reference {
             objective: [self.objective(solver, &x)?, self.objective(solver, &start)?],
             from_start: distance(&start, &x),
@@ -178,7 +178,7 @@ impl Sample {
         let settings = SolveSettings { solver, metric: MetricName::None, ..self.settings.clone() };
         let formulation = self.problem.formulation(&settings)?;
         let system = System::new(&formulation, &self.wide, &self.coverage, &settings)?;
-        let pull = formulation.steering.map_or(1.0, |steering| steering.first.min(steering.then));
+        let pull = formulation.parts.iter().map(|part| part.pull).fold(f64::INFINITY, f64::min);
         let curvature = system.relative_weights().tikhonov * pull;
         let gradient = measure(&system.problem(), system.start())?.normal_residual.iter().sum::<f64>();
         Ok((curvature > 0.0).then_some([gradient, curvature]))

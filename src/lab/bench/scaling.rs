@@ -1,12 +1,14 @@
 //! How seconds and memory grow with one thing, all else as it was.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::log::Log;
 use super::measure::Patience;
-use super::subject::{Problem, Source, Stage};
+use super::subject::{self, Source};
+use crate::job::{Asked, Scenes};
 use crate::operator::{TransportOperator, Vector};
-use crate::problem::evenly;
+use crate::problem::{Problem, evenly};
 use crate::report::bench::{Point, Sweep};
 use crate::scene::{Find, Rgb, Strategy, VolumeScene};
 use crate::{Error, Result};
@@ -45,10 +47,10 @@ struct Plan {
 impl Scaling<'_> {
     /// All sweeps that make sense for the scene.
     pub(super) fn run(&self, log: &mut Log, begin: &mut dyn FnMut(&str)) -> Result<Vec<Sweep>> {
-        let stage = self.source.load(&[])?;
+        let scenes = self.source.load(&[])?;
         let name = self.source.name();
         let mut sweeps = Vec::new();
-        for plan in self.plans(&stage) {
+        for plan in self.plans(&scenes) {
             if self.patience.stop.is_asked() {
                 break;
             }
@@ -81,20 +83,23 @@ impl Scaling<'_> {
 
     /// The problem is made of all rows whatever is measured of it, so its seconds say nothing of theirs.
     fn over_rows(&self) -> Result<Vec<Point>> {
-        let problem = self.source.load(&[])?.problem()?.sampled(self.most());
-        self.each(self.shares(problem.len()), |rows| self.point(rows as f64, None, problem.sampled(rows)))
+        let problem = subject::problem(&self.source.load(&[])?)?.problem.sampled(self.most());
+        self.each(self.shares(problem.rows()), |rows| self.point(rows as f64, None, problem.sampled(rows)))
     }
 
     /// As many rows of each view. Of the problem, seconds are those of a scene with these views alone, each as it is painted;
     /// the rest is measured with rows of the whole scene's, through the same maps or medium.
     fn over_views(&self) -> Result<Vec<Point>> {
-        let whole = self.source.load(&[])?.problem()?;
-        let rows = whole.rows_of_views();
+        let whole = subject::problem(&self.source.load(&[])?)?.problem;
+        let mut rows = BTreeMap::<usize, Vec<usize>>::new();
+        for row in 0..whole.rows() {
+            rows.entry(whole.pixel(row)[0]).or_default().push(row);
+        }
         let fewest = rows.values().map(Vec::len).min().unwrap_or(0);
         let each_view = fewest.min(self.most() / rows.len().max(1));
         self.each(self.shares(rows.len()), |count| {
             let views: Vec<usize> = rows.keys().copied().take(count).collect();
-            let (_, seconds) = made(self.source.load(&[])?.of_views(&views))?;
+            let (_, seconds) = made(&subject::of_views(self.source.load(&[])?, &views))?;
             let some =
                 |of: &Vec<usize>| evenly(each_view, of.len()).into_iter().map(|index| of[index]).collect();
             let picked: Vec<Vec<usize>> = rows.values().take(count).map(some).collect();
@@ -107,7 +112,7 @@ impl Scaling<'_> {
         let powers = (0..).map(|power| 1usize << power).take_while(|&threads| threads < most);
         self.each(powers.chain([most]), |threads| {
             with_threads(threads, || {
-                let (problem, seconds) = made(self.source.load(&[])?)?;
+                let (problem, seconds) = made(&self.source.load(&[])?)?;
                 self.point(threads as f64, Some(seconds), problem.sampled(self.most()))
             })
         })
@@ -116,28 +121,25 @@ impl Scaling<'_> {
     /// Fewer voxels may be in fewer rows; of all sizes as many are measured as there are at the size with the fewest.
     fn over_setting(&self, sizes: &[(f64, String)]) -> Result<Vec<Point>> {
         let all = self.each(sizes, |(size, setting)| {
-            let (problem, seconds) = made(self.source.load(std::slice::from_ref(setting))?)?;
+            let (problem, seconds) = made(&self.source.load(std::slice::from_ref(setting))?)?;
             Ok((*size, seconds, problem.sampled(self.most())))
         })?;
-        let fewest = all.iter().map(|(.., problem)| problem.len()).min().unwrap_or(0);
+        let fewest = all.iter().map(|(.., problem)| problem.rows()).min().unwrap_or(0);
         self.each(all, |(size, seconds, problem)| self.point(size, Some(seconds), problem.sampled(fewest)))
     }
 
-    fn point(&self, size: f64, problem_seconds: Option<f64>, mut problem: Problem) -> Result<Point> {
+    fn point(&self, size: f64, problem_seconds: Option<f64>, mut problem: Box<dyn Problem>) -> Result<Point> {
         let clock = Instant::now();
         problem.replan();
         let planning = clock.elapsed().as_secs_f64();
-        let (times, bytes) = match &problem {
-            Problem::LightMap(p) => self.cost(|| p.operator_with(Strategy::Assembled, u64::MAX))?,
-            Problem::Volume(_, p) => self.cost(|| p.operator(Strategy::Assembled, u64::MAX))?,
-        };
+        let (times, bytes) = self.cost(|| problem.on_cpu(Strategy::Assembled, u64::MAX))?;
         Ok(Point {
             size,
-            rows: problem.len() as u64,
+            rows: problem.rows() as u64,
             problem_seconds,
             set_up_seconds: planning + times[0],
             seconds: times[1],
-            bytes: bytes + problem.scene_bytes(),
+            bytes: bytes + (problem.candidates() * size_of::<Rgb>()) as u64 + problem.prepared_bytes(),
         })
     }
 
@@ -165,10 +167,11 @@ impl Scaling<'_> {
         shares
     }
 
-    fn plans(&self, stage: &Stage) -> Vec<Plan> {
+    fn plans(&self, scenes: &Scenes) -> Vec<Plan> {
         let plan = |over, held, grows| Plan { over, held, grows };
-        match stage {
-            Stage::LightMap(scene) => vec![
+        match scenes {
+            Scenes::Animation(_) => Vec::new(),
+            Scenes::LightMap(scene) => vec![
                 plan("painted pixels", "both maps", Grows::Rows),
                 plan("views", "both maps", Grows::Views),
                 plan("threads", "both maps", Grows::Threads),
@@ -183,7 +186,7 @@ impl Scaling<'_> {
                     self.maps("shadow_map", scene.shadow_map.size, LEAST_SIDE),
                 ),
             ],
-            Stage::Volume(scene) => {
+            Scenes::Volume(scene) => {
                 let mut plans = vec![
                     plan("painted pixels", "the volume", Grows::Rows),
                     plan("views", "the volume", Grows::Views),
@@ -225,9 +228,9 @@ impl Scaling<'_> {
     }
     /// Whether a scene has as many voxels as it is asked for; a file has its own number.
     fn has_voxels(&self, (count, setting): &(f64, String)) -> bool {
-        let stage = self.source.load(std::slice::from_ref(setting));
+        let scenes = self.source.load(std::slice::from_ref(setting));
         let has = |scene: &VolumeScene| scene.medium.extinction.grid().len() as f64 == *count;
-        stage.is_ok_and(|stage| matches!(&stage, Stage::Volume(scene) if has(scene)))
+        scenes.is_ok_and(|scenes| matches!(&scenes, Scenes::Volume(scene) if has(scene)))
     }
 }
 
@@ -243,11 +246,9 @@ fn held(plan: &Plan, points: &[Point]) -> String {
 }
 
 /// The problem, and the seconds that making it takes once there is a hierarchy.
-fn made(stage: Stage) -> Result<(Problem, f64)> {
-    let geometry = stage.geometry()?;
-    let clock = Instant::now();
-    let problem = stage.problem_over(&geometry)?;
-    Ok((problem, clock.elapsed().as_secs_f64()))
+fn made(scenes: &Scenes) -> Result<(Box<dyn Problem>, f64)> {
+    let Asked { problem, seconds, .. } = subject::problem(scenes)?;
+    Ok((problem, seconds))
 }
 
 fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {

@@ -1,17 +1,15 @@
 //! What is saved by what is skipped, and what it changes.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use super::cases::Between;
 use super::measure::Patience;
 use super::reference::{Sample, relative};
-use super::subject::{Problem, Source};
+use super::subject::{self, Source};
 use crate::Result;
 use crate::lab::check::AGAINST_EXPLICIT;
-use crate::march::{LightMapTransport, Quantity, VolumeTransport, VolumeTraversal};
 use crate::operator::{CpuVector, LinearOperator, Vector};
-use crate::problem::{Solved, VolumeRows};
+use crate::problem::{Problem, Solved, Unskipped};
 use crate::report::bench::{Pair, Skipped};
 use crate::scene::{Quadrature, Skipping, SolveSettings, SolverName, Strategy};
 
@@ -44,8 +42,7 @@ impl Comparison<'_> {
         let mut all = vec![self.kept_rows()?];
         let others = [
             self.unpainted_pixels()?,
-            self.shadows()?,
-            self.empty_bricks()?,
+            self.emptiness()?,
             self.far_ends()?,
             self.unreached()?,
             self.converged_channels()?,
@@ -56,7 +53,7 @@ impl Comparison<'_> {
 
     /// Geometry and visibility, once and not in every application.
     fn kept_rows(&self) -> Result<Skipped> {
-        let problem = &self.sample.problem;
+        let problem = &*self.sample.problem;
         let kept = self.cost(problem, Strategy::Assembled)?;
         let walked = self.cost(problem, Strategy::MatrixFree)?;
         let thing = Thing {
@@ -66,99 +63,53 @@ impl Comparison<'_> {
         };
         let difference = relative(kept.shown.0, &walked.shown)?;
         let seconds = [kept.seconds, walked.seconds];
-        Ok(self.skipped(thing, [0.0, problem.len() as f64], seconds, [difference, AGAINST_EXPLICIT]))
+        Ok(self.skipped(thing, [0.0, problem.rows() as f64], seconds, [difference, AGAINST_EXPLICIT]))
     }
 
     /// Rows without weight; none where something is wanted of every pixel.
     fn unpainted_pixels(&self) -> Result<Option<Skipped>> {
-        let stage = self.source.load(&["solve.skip.pixels=false".to_owned()])?;
-        let all = stage.with(Between::Linear).problem()?;
-        let weighs = |problem: &Problem| -> Vec<usize> {
+        let scenes = self.source.load(&["solve.skip.pixels=false".to_owned()])?;
+        let all = subject::problem(&subject::with(scenes, Between::Linear))?.problem;
+        let weighs = |problem: &dyn Problem| -> Vec<usize> {
             let weights = problem.weights().0;
             (0..weights.len()).filter(|&row| weights[row] != [0.0; 3]).collect()
         };
-        let painted = weighs(&all).len();
-        if painted == all.len() {
+        let painted = weighs(&*all).len();
+        if painted == all.rows() {
             return Ok(None);
         }
-        let all = all.sampled((self.rows as f64 * all.len() as f64 / painted as f64) as usize);
-        let painted = all.picked(&weighs(&all));
+        let all = all.sampled((self.rows as f64 * all.rows() as f64 / painted as f64) as usize);
+        let painted = all.picked(&weighs(&*all));
         let thing = Thing { what: "unpainted pixels", switch: "solve.skip.pixels=false", unit: "rows" };
-        let work = [painted.len() as f64, all.len() as f64];
-        self.products(thing, work, [&painted, &all]).map(Some)
+        let work = [painted.rows() as f64, all.rows() as f64];
+        self.products(thing, work, [&*painted, &*all]).map(Some)
     }
 
-    /// Nodes of the shadow map's pyramid; none of volumes.
-    fn shadows(&self) -> Result<Option<Skipped>> {
-        let Problem::LightMap(problem) = &self.sample.problem else { return Ok(None) };
-        let transport = problem.traversal.transport();
-        let shadow_map = Arc::new((*transport.shadow_map).clone().without_pyramid());
-        let mut texels = problem.sampled(usize::MAX);
-        texels.traversal = texels.traversal.through(LightMapTransport { shadow_map, ..transport.clone() });
-        let nodes = |problem: &crate::problem::LightMapProblem| {
-            let rows = 0..problem.constraints.len();
-            rows.map(|row| problem.traversal.extent(row).shadow_nodes).sum::<usize>() as f64
+    /// Nodes of a shadow map's pyramid, bricks of a volume that hold nothing; none where rows skip neither.
+    fn emptiness(&self) -> Result<Option<Skipped>> {
+        let problem = &*self.sample.problem;
+        let Some(Unskipped { what, switch, unit, work, problem: entered }) = problem.unskipped() else {
+            return Ok(None);
         };
-        let thing = Thing {
-            what: "texels of even shadow or light",
-            switch: "solve.skip.shadows=false",
-            unit: "nodes of the shadow map",
-        };
-        let work = [nodes(problem), nodes(&texels)];
-        self.products(thing, work, [&self.sample.problem, &Problem::LightMap(texels)]).map(Some)
-    }
-
-    /// Bricks that hold nothing; none of light maps, nor of rows that are not walked through voxels alone.
-    fn empty_bricks(&self) -> Result<Option<Skipped>> {
-        let Problem::Volume(find, problem) = &self.sample.problem else { return Ok(None) };
-        let VolumeRows::Voxels(rows) = &problem.traversal else { return Ok(None) };
-        let transport = rows.transport().clone();
-        let density = Arc::new((*transport.density).clone().entered_everywhere());
-        let parts = rows.parts().iter().map(|part| part.entered_everywhere()).collect();
-        let transport = VolumeTransport { density, ..transport };
-        let entered = VolumeTraversal::new(transport, rows.rays().clone(), parts);
-        let cells = |rows: &VolumeTraversal| {
-            (0..rows.rays().len()).map(|row| rows.cells_entered(row)).sum::<usize>() as f64
-        };
-        let work = [cells(rows), cells(&entered)];
-        let mut everywhere = problem.sampled(usize::MAX);
-        everywhere.traversal = VolumeRows::Voxels(entered);
-        let thing = Thing { what: "empty bricks", switch: "solve.skip.bricks=false", unit: "cells" };
-        self.products(thing, work, [&self.sample.problem, &Problem::Volume(*find, everywhere)]).map(Some)
+        self.products(Thing { what, switch, unit }, work, [problem, &*entered]).map(Some)
     }
 
     /// The rest of a ray beyond the transmittance bound; none where what that can change is not known.
     fn far_ends(&self) -> Result<Option<Skipped>> {
-        let problem = &self.sample.problem;
-        // Of a row no more is left than the bound times this, for light of 1 everywhere.
-        let (bound, scattering) = match problem {
-            Problem::LightMap(problem) => {
-                let most = |row: &crate::march::ViewRay| row.scattering.iter().copied().fold(0.0, f64::max);
-                let all = problem.traversal.rays().iter().map(|row| most(row).powi(2)).sum::<f64>();
-                (problem.traversal.transport().transmittance_bound, all.sqrt())
-            }
-            Problem::Volume(_, problem) => match &problem.traversal {
-                VolumeRows::Voxels(rows)
-                    if rows.parts().iter().all(|part| matches!(part.quantity, Quantity::Emission)) =>
-                {
-                    (rows.transport().transmittance_bound, (problem.targets.len() as f64).sqrt())
-                }
-                _ => return Ok(None),
-            },
-        };
-        let Some(mut whole) = problem.walked(Quadrature::Exact, Some(f64::MIN_POSITIVE)) else {
+        let problem = &*self.sample.problem;
+        let Some(lost) = problem.most_lost() else { return Ok(None) };
+        let Some(whole) = problem.integrated(Quadrature::Exact, Some(f64::MIN_POSITIVE)) else {
             return Ok(None);
         };
-        whole.replan();
-        let [cut, uncut] = [problem, &whole].map(|problem| self.cost(problem, Strategy::MatrixFree));
+        let [cut, uncut] = [problem, &*whole].map(|problem| self.cost(problem, Strategy::MatrixFree));
         let (cut, uncut) = (cut?, uncut?);
         let norm = uncut.shown.norm_squared()?.iter().sum::<f64>().sqrt();
         let thing =
             Thing { what: "far ends of rays", switch: "solve.transmittance_bound=1e-300", unit: "non-zeros" };
-        let work = [problem, &whole].map(|problem| problem.plan().nonzeros as f64);
+        let work = [problem, &*whole].map(|problem| problem.plan().nonzeros as f64);
         let difference = relative(cut.shown.0, &uncut.shown)?;
-        // Each of the three channels may lose as much; rounding may add to it.
-        let bound = 3f64.sqrt() * bound * scattering / norm.max(f64::MIN_POSITIVE) + ROUNDING;
+        // Rounding may add to it.
+        let bound = lost / norm.max(f64::MIN_POSITIVE) + ROUNDING;
         Ok(Some(self.skipped(thing, work, [cut.seconds, uncut.seconds], [difference, bound])))
     }
 
@@ -184,7 +135,7 @@ impl Comparison<'_> {
     }
 
     /// Compares two ways to walk the same rows: Tᵀ W T 1.
-    fn products(&self, thing: Thing, work: [f64; 2], problems: [&Problem; 2]) -> Result<Skipped> {
+    fn products(&self, thing: Thing, work: [f64; 2], problems: [&dyn Problem; 2]) -> Result<Skipped> {
         let [with, without] = problems.map(|problem| self.cost(problem, Strategy::MatrixFree));
         let (with, without) = (with?, without?);
         let difference = relative(with.arriving.0, &without.arriving)?;
@@ -249,7 +200,7 @@ impl Comparison<'_> {
         }
     }
 
-    fn cost(&self, problem: &Problem, strategy: Strategy) -> Result<Cost> {
+    fn cost(&self, problem: &dyn Problem, strategy: Strategy) -> Result<Cost> {
         let (operator, times) = self.patience.times(|| problem.wide(strategy))?;
         let (mut arriving, mut shown) = (operator.domain(), operator.range());
         arriving.fill([1.0; 3]);

@@ -6,8 +6,8 @@ use super::rows::{FAULT, worse};
 use super::solved::AGAINST_EXPLICIT;
 use crate::Result;
 use crate::gpu::Gpu;
-use crate::operator::{CpuVector, LinearOperator, TransportOperator, adjoint_test};
-use crate::problem::LightMapProblem;
+use crate::operator::{CpuVector, FromHost, LinearOperator, adjoint_test};
+use crate::problem::{LightMapProblem, Problem};
 use crate::scene::{Rgb, Strategy};
 use crate::sparse::ExplicitMatrix;
 
@@ -20,7 +20,7 @@ pub(super) const CASES: [Case; 2] = [
     },
     Case {
         name: "adapter/same-bits",
-        law: "ten runs with --deterministic are the same to the last bit, ten with atomics to rounding",
+        law: "ten deterministic runs are the same to the last bit, ten with atomics to rounding",
         why: "0; f32 sums in any order are right to 1e-5",
         run: same_bits,
     },

@@ -13,8 +13,8 @@ use super::rows::{
 use super::solved::{Question, certificate};
 use crate::cpu::HostOperator;
 use crate::march::{InScattering, LitVolume, Quantity, VolumeTraversal};
-use crate::operator::{TransportOperator, WalkPlan};
-use crate::problem::solve;
+use crate::operator::{FromHost, TransportOperator, WalkPlan};
+use crate::problem::{Problem, solve};
 use crate::scene::{Interpolation, Rgb, Strategy, Volume};
 use crate::solve::Control;
 use crate::{Error, Result};
@@ -136,7 +136,7 @@ fn light_map_of(setting: &Setting, hall: &Hall) -> Result<Vec<Rgb>> {
     let operator = HostOperator::<_, f32>::new(
         setting.tested(&problem.traversal),
         true,
-        &problem.plan,
+        problem.plan(),
         Strategy::Auto,
         u64::MAX,
     )?;

@@ -5,7 +5,7 @@ use super::rows::{Numbers, Walked, worse};
 use crate::Result;
 use crate::cpu::HostOperator;
 use crate::operator::{CpuVector, LinearOperator, TransportOperator, Vector, WalkPlan};
-use crate::problem::{Formulation, Lattice, Solved, Start, minimize};
+use crate::problem::{Formulation, Lattice, Part, Solved, Start, minimize};
 use crate::scene::{Regularization, Rgb, SolveSettings, SolverName, Strategy, Weight};
 use crate::solve::{Control, StopReason};
 use crate::sparse::ExplicitMatrix;
@@ -74,14 +74,19 @@ impl Question {
         let operator = HostOperator::<_, f32>::new(tested, true, &plan, Strategy::Auto, u64::MAX)?;
         let coverage = operator.squares(&CpuVector(self.weights.clone()))?;
         let elements = rows.elements();
+        let size = [elements];
         let formulation = Formulation {
             targets: &self.targets,
             weights: self.weights.as_slice().into(),
             wanted: self.wanted(),
-            start: Start::Everywhere(self.start, elements),
-            lattice: Lattice { size: &[elements], places: None },
-            bounds: Formulation::bounds_of(&self.settings)?,
-            steering: None,
+            parts: vec![Part {
+                noun: "elements",
+                start: Start::Everywhere(self.start, elements),
+                bounds: self.settings.solver.kept(self.settings.bounds),
+                pull: 1.0,
+                lattice: Some(Lattice { size: &size, places: None }),
+                scale: 0,
+            }],
             remedy: "raise the depth",
         };
         let go_on = |_: &_, _: &mut dyn crate::problem::Snapshot| Ok(Control::Continue);
@@ -116,11 +121,10 @@ impl Question {
         r.axpby([-1.0; 3], &wide(&self.targets), [1.0; 3]);
         r.multiply(&wide(&self.weights));
         self.matrix.apply_adjoint(&r, &mut g)?;
-        let bounds = Formulation::bounds_of(&self.settings)?;
+        let [lower, upper] = self.settings.solver.kept(self.settings.bounds);
         let mut sum = [0.0; 3];
         for &column in &solved.columns {
             let (index, x) = (column as usize, x[column as usize]);
-            let [lower, upper] = bounds.of(index);
             for c in 0..3 {
                 let pull = solved.weights.tikhonov * (f64::from(x[c]) - f64::from(self.start[c]));
                 let slope = g.0[index][c] + pull;

@@ -49,7 +49,7 @@ impl Determined {
     /// for the environment.
     pub fn by(problem: &VolumeProblem, reached: &[u32]) -> Vec<Self> {
         let VolumeRows::Voxels(traversal) = &problem.traversal else { return Vec::new() };
-        let places = problem.places();
+        let places = problem.all_places();
         let (mut element, mut place) = (0, 0);
         let mut determined = Vec::new();
         for part in traversal.parts() {

@@ -18,7 +18,6 @@ mod state;
 pub use animation::{Determined, Occupied, Spread, Spreading};
 pub use desired::Desired;
 pub use environment::{LightColumns, LitRows, SeenLights, light_bytes};
-pub use operator::VolumeOperator;
 pub use optics::Optics;
 pub use problem::{AllVoxels, LeftOut, VolumeProblem};
 pub use renderer::{Model, VolumeRenderer};

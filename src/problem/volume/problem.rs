@@ -4,19 +4,24 @@ use rayon::prelude::*;
 
 use super::environment::check_light;
 use super::fixed::{Fixed, Row, wanted_pixels};
+use super::operator::LightVolumes;
+#[cfg(feature = "gpu")]
+use super::operator::on_gpu;
 use super::optics::open_rays;
 use super::renderer::is_grey;
-use super::searched::Searched;
-use super::{
-    Desired, LightColumns, LitRows, Model, Optics, SeenLights, VolumeOperator, VolumeRows, VolumeState,
-};
-use crate::cpu::kept_bytes;
-use crate::march::{Part, Quantity, Traversal, VolumeTraversal, Weight};
-use crate::operator::{Bounds, CpuVector, WalkPlan};
-use crate::problem::{Formulation, Lattice, Start, Steering, evenly};
+use super::searched::{Kind, Searched};
+use super::{Desired, LightColumns, LitRows, Model, Optics, SeenLights, VolumeRows, VolumeState};
+#[cfg(feature = "gpu")]
+use crate::gpu::{Gpu, GpuOperator};
+use crate::march::{Part, Quantity, Refraction, Traversal, VolumeTransport, VolumeTraversal, Weight};
+use crate::operator::{CpuVector, OnHost, WalkPlan};
+use crate::problem::looked_for::{explicit, on_host, row_of};
+use crate::problem::{Formulation, Lattice, Part as ElementPart, Problem, Start, Unskipped, evenly};
 use crate::scene::{
-    Environment, Find, MetricName, Rgb, SolveSettings, Strategy, Volume, VolumeMedium, VolumeScene, VoxelSet,
+    Environment, Find, MetricName, Quadrature, Rgb, SolveSettings, Strategy, Volume, VolumeMedium,
+    VolumeScene, VoxelSet,
 };
+use crate::sparse::ExplicitMatrix;
 use crate::{Error, Result};
 
 /// Pixels that are no rows.
@@ -31,7 +36,7 @@ pub struct LeftOut {
 }
 
 /// The wanted pixels of a scene as rows, and voxels as unknowns.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct VolumeProblem {
     /// What is looked for.
     pub find: Find,
@@ -49,14 +54,12 @@ pub struct VolumeProblem {
     /// Voxels outside the visual hull.
     pub outside_hull: usize,
     /// What walking the rows will take.
-    pub plan: WalkPlan,
+    plan: WalkPlan,
     /// Σ w L², L what the rows should show, all told.
     wanted: [f64; 3],
-    /// The place of each element among the voxels of its grid, one grid behind the other.
+    /// The place of each element among those of its kind.
     places: Vec<u32>,
-    size: Vec<usize>,
-    bounds: Bounds,
-    steering: Option<Steering>,
+    kinds: Vec<Kind>,
     grey: bool,
 }
 
@@ -134,7 +137,7 @@ impl VolumeProblem {
         searched: Searched,
     ) -> Self {
         let plan = WalkPlan::of(&traversal, grey);
-        let Searched { start, places, size, bounds, steering, outside_hull, .. } = searched;
+        let Searched { start, places, kinds, outside_hull, .. } = searched;
         Self {
             find,
             traversal,
@@ -146,9 +149,7 @@ impl VolumeProblem {
             plan,
             wanted,
             places,
-            size,
-            bounds,
-            steering,
+            kinds,
             grey,
         }
     }
@@ -182,45 +183,15 @@ impl VolumeProblem {
         SolveSettings { bounds, metric, ..scene.solve.clone() }
     }
 
-    /// T, with as much of it kept as a strategy and `budget` bytes allow.
-    ///
-    /// Errors: [`Error::TooLarge`] when all of it must be kept and does not fit.
-    pub fn operator(&self, strategy: Strategy, budget: u64) -> Result<VolumeOperator> {
-        VolumeOperator::new(&self.traversal, self.grey, &self.plan, strategy, budget)
-    }
-
-    /// The problem as methods solve it.
-    pub fn formulation(&self) -> Formulation<'_> {
-        Formulation {
-            targets: &self.targets,
-            weights: (&self.weights).into(),
-            wanted: self.wanted,
-            start: Start::Each(&self.start),
-            lattice: Lattice { size: &self.size, places: Some(&self.places) },
-            bounds: self.bounds,
-            steering: self.steering,
-            remedy: match self.find {
-                Find::Albedo => "raise the extinction, or the light",
-                Find::Environment => "raise the extinction or the albedo, or let views see the sky",
-                _ => "raise the extinction, or use another unit of length",
-            },
-        }
-    }
-
-    /// The problem of `rows` of its rows, evenly spread; of all where there are not as many.
-    pub fn sampled(&self, rows: usize) -> Self {
-        self.picked(&evenly(rows, self.targets.len()))
-    }
-
     /// The same problem with its rows view by view and row by row of their pictures.
     pub fn in_reading_order(&self) -> Self {
         let mut order: Vec<usize> = (0..self.targets.len()).collect();
         order.sort_by_key(|&row| self.traversal.rays().pixel(row));
-        self.picked(&order)
+        self.of_some(&order)
     }
 
     /// The problem of some of its rows.
-    pub fn picked(&self, picked: &[usize]) -> Self {
+    fn of_some(&self, picked: &[usize]) -> Self {
         let every = |values: &[Rgb]| picked.iter().map(|&row| values[row]).collect();
         let traversal = self.traversal.picked(picked);
         Self {
@@ -230,14 +201,20 @@ impl VolumeProblem {
             traversal,
             start: self.start.clone(),
             places: self.places.clone(),
-            size: self.size.clone(),
+            kinds: self.kinds.clone(),
             ..*self
         }
     }
 
+    /// The same problem along other rows of the same rays.
+    fn along(&self, rows: VolumeTraversal) -> Self {
+        let traversal = VolumeRows::Voxels(rows);
+        Self { plan: WalkPlan::of(&traversal, self.grey), traversal, ..self.clone() }
+    }
+
     /// The rows with all voxels of all grids for elements, in the order (z, y, x), looked for or not.
     pub fn over_all_voxels(&self) -> AllVoxels<'_> {
-        AllVoxels(self)
+        AllVoxels { problem: self, places: self.all_places() }
     }
 
     /// What all voxels start from, in the order (z, y, x).
@@ -252,62 +229,15 @@ impl VolumeProblem {
         self.traversal.through_medium().parts().iter().flat_map(colors).collect()
     }
 
-    /// The row weights, one colour a row.
-    pub fn row_weights(&self) -> CpuVector {
-        CpuVector(self.weights.clone())
-    }
-
-    /// All that could be looked for: voxels of the grids, or lights.
-    pub fn candidates(&self) -> usize {
-        match &self.traversal {
-            VolumeRows::Lights(_) => self.start.len(),
-            rows => rows.through_medium().parts().iter().map(|part| part.grid.len()).sum(),
+    /// The place of each element among the voxels of all grids, one grid behind the other.
+    pub(super) fn all_places(&self) -> Vec<u32> {
+        let (mut places, mut element, mut first) = (self.places.clone(), 0, 0);
+        for kind in &self.kinds {
+            places[element..element + kind.len].iter_mut().for_each(|place| *place += first);
+            element += kind.len;
+            first += kind.size.iter().product::<usize>() as u32;
         }
-    }
-
-    /// Views that a row sees.
-    pub fn views(&self) -> usize {
-        let mut views: Vec<u32> =
-            (0..self.targets.len()).map(|row| self.traversal.rays().pixel(row)[0]).collect();
-        views.sort_unstable();
-        views.dedup();
-        views.len()
-    }
-
-    /// The place of each element among the voxels of its grid, one grid behind the other.
-    pub(super) fn places(&self) -> &[u32] {
-        &self.places
-    }
-
-    /// Places of the unknowns along each axis.
-    pub fn size(&self) -> &[usize] {
-        &self.size
-    }
-
-    /// Bytes of what is prepared for the unknowns: light volumes.
-    pub fn prepared_bytes(&self) -> u64 {
-        match &self.traversal {
-            VolumeRows::Lights(rows) => rows.bytes(),
-            _ => 0,
-        }
-    }
-
-    /// Bricks of voxels in which nothing is looked for, and all bricks.
-    pub fn empty_bricks(&self) -> [usize; 2] {
-        self.traversal.through_medium().parts().iter().fold([0, 0], |[empty, all], part| {
-            let [more, others] = part.voxels().empty_bricks();
-            [empty + more, all + others]
-        })
-    }
-
-    /// Bytes that keeping all rows takes on the processor, foreseen.
-    pub fn kept_bytes(&self) -> u64 {
-        kept_bytes::<f32>(&self.plan, if self.grey { 1 } else { 3 })
-    }
-
-    /// Whether one weight serves all channels.
-    pub fn is_grey(&self) -> bool {
-        self.grey
+        places
     }
 
     /// A state with the elements in place of what they started from.
@@ -337,6 +267,224 @@ impl VolumeProblem {
     }
 }
 
+impl Problem for VolumeProblem {
+    fn targets(&self) -> &[Rgb] {
+        &self.targets
+    }
+
+    fn weights(&self) -> CpuVector {
+        CpuVector(self.weights.clone())
+    }
+
+    fn pixel(&self, row: usize) -> [usize; 2] {
+        self.traversal.rays().pixel(row).map(|index| index as usize)
+    }
+
+    fn plan(&self) -> &WalkPlan {
+        &self.plan
+    }
+
+    fn is_grey(&self) -> bool {
+        self.grey
+    }
+
+    fn formulation(&self, _settings: &SolveSettings) -> Result<Formulation<'_>> {
+        let mut first = 0;
+        let part = |kind: &'_ Kind| {
+            let elements = first..first + kind.len;
+            first = elements.end;
+            elements
+        };
+        let ranges: Vec<_> = self.kinds.iter().map(part).collect();
+        let parts = self.kinds.iter().zip(ranges).map(|(kind, elements)| ElementPart {
+            noun: kind.noun,
+            start: Start::Each(&self.start[elements.clone()]),
+            bounds: kind.bounds,
+            pull: kind.pull,
+            lattice: Some(Lattice { size: &kind.size, places: Some(&self.places[elements]) }),
+            scale: 0,
+        });
+        Ok(Formulation {
+            targets: &self.targets,
+            weights: (&self.weights).into(),
+            wanted: self.wanted,
+            parts: parts.collect(),
+            remedy: match self.find {
+                Find::Albedo => "raise the extinction, or the light",
+                Find::Environment => "raise the extinction or the albedo, or let views see the sky",
+                _ => "raise the extinction, or use another unit of length",
+            },
+        })
+    }
+
+    fn picked(&self, rows: &[usize]) -> Box<dyn Problem> {
+        Box::new(self.of_some(rows))
+    }
+
+    fn integrated(
+        &self,
+        quadrature: Quadrature,
+        transmittance_bound: Option<f64>,
+    ) -> Option<Box<dyn Problem>> {
+        match &self.traversal {
+            VolumeRows::Voxels(rows) => {
+                let transport = rows.transport().clone();
+                let transport = VolumeTransport {
+                    quadrature,
+                    transmittance_bound: transmittance_bound.unwrap_or(transport.transmittance_bound),
+                    ..transport
+                };
+                let rows = VolumeTraversal::new(transport, rows.rays().clone(), rows.parts().to_vec());
+                Some(Box::new(self.along(rows)))
+            }
+            _ if quadrature == Quadrature::Exact && transmittance_bound.is_none() => {
+                Some(Box::new(self.clone()))
+            }
+            _ => None,
+        }
+    }
+
+    fn unskipped(&self) -> Option<Unskipped> {
+        let VolumeRows::Voxels(rows) = &self.traversal else { return None };
+        let density = Arc::new((*rows.transport().density).clone().entered_everywhere());
+        let parts = rows.parts().iter().map(|part| part.entered_everywhere()).collect();
+        let transport = VolumeTransport { density, ..rows.transport().clone() };
+        let entered = VolumeTraversal::new(transport, rows.rays().clone(), parts);
+        let cells = |rows: &VolumeTraversal| {
+            (0..rows.rays().len()).map(|row| rows.cells_entered(row)).sum::<usize>() as f64
+        };
+        Some(Unskipped {
+            what: "empty bricks",
+            switch: "solve.skip.bricks=false",
+            unit: "cells",
+            work: [cells(rows), cells(&entered)],
+            problem: Box::new(self.along(entered)),
+        })
+    }
+
+    fn most_lost(&self) -> Option<f64> {
+        let VolumeRows::Voxels(rows) = &self.traversal else { return None };
+        let is_of_emission = rows.parts().iter().all(|part| matches!(part.quantity, Quantity::Emission));
+        is_of_emission.then(|| (3.0 * self.rows() as f64).sqrt() * rows.transport().transmittance_bound)
+    }
+
+    fn replan(&mut self) {
+        self.plan = WalkPlan::of(&self.traversal, self.grey);
+    }
+
+    fn row(&self, row: usize, visit: &mut dyn FnMut(usize, [f64; 3])) {
+        row_of(&self.traversal, self.grey, row, visit);
+    }
+
+    /// Of lights, rows that do not fit are not walked but given up for light volumes.
+    fn on_cpu(&self, strategy: Strategy, budget: u64) -> Result<OnHost> {
+        match &self.traversal {
+            VolumeRows::Lights(rows)
+                if strategy == Strategy::MatrixFree
+                    || strategy == Strategy::Auto && self.kept_bytes() > budget =>
+            {
+                Ok(Box::new(LightVolumes::new(rows, self.grey, &self.plan, strategy, budget)?))
+            }
+            rows => on_host(rows, (self.grey, &self.plan), (strategy, budget)),
+        }
+    }
+
+    fn wide(&self, strategy: Strategy) -> Result<OnHost<f64>> {
+        on_host(&self.traversal, (self.grey, &self.plan), (strategy, u64::MAX))
+    }
+
+    #[cfg(feature = "gpu")]
+    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, budget: u64, deterministic: bool) -> Result<GpuOperator> {
+        on_gpu(self, gpu, (strategy, budget), deterministic)
+    }
+
+    fn explicit(&self, most: u64) -> Result<ExplicitMatrix> {
+        explicit(&self.traversal, self.grey, most)
+    }
+
+    fn candidates(&self) -> usize {
+        match &self.traversal {
+            VolumeRows::Lights(_) => self.start.len(),
+            rows => rows.through_medium().parts().iter().map(|part| part.grid.len()).sum(),
+        }
+    }
+
+    fn prepared_bytes(&self) -> u64 {
+        match &self.traversal {
+            VolumeRows::Lights(rows) => rows.bytes(),
+            _ => 0,
+        }
+    }
+
+    fn ray_bytes(&self) -> u64 {
+        (self.rows() * size_of::<[u32; 2]>()) as u64
+    }
+
+    fn digest(&self, add: &mut dyn FnMut(u64)) {
+        let rays = self.traversal.rays();
+        for row in 0..self.rows() {
+            let (ray, length) = (rays.ray(row), rays.length(row));
+            let numbers = [ray.origin.to_array(), ray.direction.to_array(), [length; 3]];
+            numbers.iter().flatten().for_each(|number| add(number.to_bits()));
+        }
+        let density = self.traversal.transport().density.volume();
+        density.samples().iter().for_each(|number| add(number.to_bits().into()));
+    }
+
+    fn skipped(&self) -> Vec<(&'static str, [usize; 2])> {
+        let bricks = self.traversal.through_medium().parts().iter().fold([0, 0], |[empty, all], part| {
+            let [more, others] = part.voxels().empty_bricks();
+            [empty + more, all + others]
+        });
+        let LeftOut { beside, without_logarithm, unwanted: _ } = self.left_out;
+        let rows = self.rows();
+        let some = [
+            ("beside", [beside, rows + beside]),
+            ("outside_hull", [self.outside_hull, self.candidates()]),
+            ("without_logarithm", [without_logarithm, rows + without_logarithm]),
+        ];
+        let counted = some.into_iter().filter(|(_, [count, _])| *count > 0);
+        std::iter::once(("empty_bricks", bricks)).chain(counted).collect()
+    }
+
+    fn settings_in_words(&self) -> Vec<(&'static str, String)> {
+        let transport = self.traversal.transport();
+        let mut words = vec![
+            ("interpolation", format!("{:?}", transport.basis).to_lowercase()),
+            (
+                "quadrature",
+                match transport.quadrature {
+                    Quadrature::Exact => "exact, cell by cell".to_owned(),
+                    Quadrature::March { steps } => format!("march of {steps} steps along the diagonal"),
+                },
+            ),
+        ];
+        words.extend(transport.refraction.as_ref().map(|bent| ("refraction", self.in_words(bent))));
+        if let [emission, albedo] = &self.kinds[..] {
+            words.push(("pull", format!("emission {}, albedo {}", emission.pull, albedo.pull)));
+        }
+        words
+    }
+}
+
+impl VolumeProblem {
+    /// The step along bent rays, and what it costs: measured on some of the rows.
+    fn in_words(&self, refraction: &Refraction) -> String {
+        const SAMPLES: usize = 256;
+        let rays = self.traversal.rays();
+        let errors: Vec<f64> = evenly(SAMPLES, rays.len())
+            .into_iter()
+            .map(|row| refraction.step_error(&rays.ray(row)))
+            .collect();
+        let worst = errors.iter().copied().fold(0.0, f64::max);
+        let mean = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
+        format!(
+            "Euler steps of {:.2e} m; half as long they would move the rays by {mean:.1e} m on average, {worst:.1e} m at most",
+            refraction.step()
+        )
+    }
+}
+
 /// The property of a medium that a quantity is.
 fn property<'a>(medium: &'a VolumeMedium, quantity: &Quantity) -> &'a Volume {
     match quantity {
@@ -348,19 +496,22 @@ fn property<'a>(medium: &'a VolumeMedium, quantity: &Quantity) -> &'a Volume {
 
 /// The rows of a problem over all voxels of its grids.
 #[derive(Debug)]
-pub struct AllVoxels<'a>(&'a VolumeProblem);
+pub struct AllVoxels<'a> {
+    problem: &'a VolumeProblem,
+    places: Vec<u32>,
+}
 
 impl<const C: usize> Traversal<f64, C> for AllVoxels<'_> {
     fn rows(&self) -> usize {
-        self.0.targets.len()
+        self.problem.targets.len()
     }
 
     fn elements(&self) -> usize {
-        self.0.candidates()
+        self.problem.candidates()
     }
 
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
-        self.0.traversal.walk(row, &mut |element, weight| visit(self.0.places[element] as usize, weight));
+        self.problem.traversal.walk(row, &mut |element, weight| visit(self.places[element] as usize, weight));
     }
 }
 

@@ -7,8 +7,7 @@ use super::environment::lit_voxels;
 use super::hull::visual_hull;
 use crate::cpu::near_medium;
 use crate::march::{Density, Part, Quantity};
-use crate::operator::Bounds;
-use crate::problem::Steering;
+use crate::operator::Scalars;
 use crate::scene::{Find, Rgb, Volume, VolumeMedium, VolumeScene, VoxelGrid, VoxelSet};
 use crate::{Error, Result};
 
@@ -16,11 +15,20 @@ use crate::{Error, Result};
 pub(super) struct Searched {
     pub(super) parts: Vec<Part>,
     pub(super) start: Vec<Rgb>,
+    /// The place of each element in its lattice.
     pub(super) places: Vec<u32>,
-    pub(super) size: Vec<usize>,
-    pub(super) bounds: Bounds,
-    pub(super) steering: Option<Steering>,
+    pub(super) kinds: Vec<Kind>,
     pub(super) outside_hull: usize,
+}
+
+/// So many elements that share a lattice, bounds and pull.
+#[derive(Debug, Clone)]
+pub(super) struct Kind {
+    pub(super) noun: &'static str,
+    pub(super) len: usize,
+    pub(super) size: Vec<usize>,
+    pub(super) bounds: [Scalars; 2],
+    pub(super) pull: f64,
 }
 
 impl Searched {
@@ -37,10 +45,8 @@ impl Searched {
                 remedy: "give it some, and check that volume.to_world puts the box where the shapes are",
             });
         }
-        let settings = &scene.bounds;
-        let bounds = |of: [[f64; 3]; 2]| -> Result<Bounds> {
-            if scene.solve.solver.keeps_bounds() { Bounds::new(of[0], of[1]) } else { Ok(Bounds::NONE) }
-        };
+        let bounds = &scene.bounds;
+        let [of_emission, of_albedo] = scene.pull;
         let light = || {
             optics.light.clone().ok_or_else(|| Error::Empty {
                 reason: "albedo cannot be found in the dark: no light reaches the volume".to_owned(),
@@ -51,22 +57,14 @@ impl Searched {
             parts: Vec::new(),
             start: Vec::new(),
             places: Vec::new(),
-            size: Vec::new(),
-            bounds: Bounds::NONE,
-            steering: None,
+            kinds: Vec::new(),
             outside_hull: 0,
         };
+        let mut add =
+            |quantity, volume, bounds, pull| searched.add((scene, optics), quantity, volume, bounds, pull);
         match find {
-            Find::Emission => {
-                searched.add(scene, optics, Quantity::Emission, &medium.emission)?;
-                searched.bounds = bounds(settings.emission)?;
-                searched.steering = steering([scene.pull[0]; 2], 0);
-            }
-            Find::Albedo => {
-                searched.add(scene, optics, Quantity::Albedo(light()?), &medium.albedo)?;
-                searched.bounds = bounds(settings.albedo)?;
-                searched.steering = steering([scene.pull[1]; 2], 0);
-            }
+            Find::Emission => add(Quantity::Emission, &medium.emission, bounds.emission, of_emission)?,
+            Find::Albedo => add(Quantity::Albedo(light()?), &medium.albedo, bounds.albedo, of_albedo)?,
             Find::Joint => {
                 if medium.emission.grid().size() != medium.albedo.grid().size() {
                     let sizes =
@@ -75,22 +73,23 @@ impl Searched {
                         "the same number of voxels for emission and albedo, which are found together";
                     return Err(Error::value("volume.albedo", sizes, expected));
                 }
-                searched.add(scene, optics, Quantity::Emission, &medium.emission)?;
-                let first = searched.start.len();
-                searched.add(scene, optics, Quantity::Albedo(light()?), &medium.albedo)?;
-                searched.bounds = bounds(settings.emission)?.then(first, bounds(settings.albedo)?);
-                searched.steering = steering(scene.pull, first);
+                add(Quantity::Emission, &medium.emission, bounds.emission, of_emission)?;
+                add(Quantity::Albedo(light()?), &medium.albedo, bounds.albedo, of_albedo)?;
             }
             Find::Extinction | Find::Refinement => {
-                searched.add(scene, optics, Quantity::Extinction, &medium.extinction)?;
-                searched.bounds = bounds(settings.extinction)?;
+                add(Quantity::Extinction, &medium.extinction, bounds.extinction, 1.0)?;
             }
             Find::Environment => {
                 searched.parts.push(lit_voxels(scene, medium, optics)?);
                 searched.start = scene.light_basis.coefficients_of(optics.environment());
                 searched.places = scene.light_basis.places();
-                searched.size = scene.light_basis.lattice().to_vec();
-                searched.bounds = bounds(settings.environment)?;
+                searched.kinds.push(Kind {
+                    noun: "lights",
+                    len: searched.start.len(),
+                    size: scene.light_basis.lattice().to_vec(),
+                    bounds: scene.solve.solver.kept(bounds.environment),
+                    pull: 1.0,
+                });
             }
         }
         if searched.start.is_empty() {
@@ -104,10 +103,11 @@ impl Searched {
 
     fn add(
         &mut self,
-        scene: &VolumeScene,
-        optics: &Optics,
+        (scene, optics): (&VolumeScene, &Optics),
         quantity: Quantity,
         volume: &Volume,
+        bounds: [Scalars; 2],
+        pull: f64,
     ) -> Result<()> {
         let grid = *volume.grid();
         let candidates = match quantity {
@@ -120,20 +120,18 @@ impl Searched {
         };
         let voxels = if scene.solve.skip.bricks { voxels } else { voxels.entered_everywhere() };
         self.outside_hull += candidates.len() - voxels.len();
-        let first = if self.parts.is_empty() { 0 } else { grid.len() as u32 };
-        for index in voxels.indices() {
-            self.places.push(first + index);
-            self.start.push(volume.color(index as usize));
-        }
-        self.size = grid.size().to_vec();
+        self.places.extend(voxels.indices());
+        self.start.extend(voxels.indices().iter().map(|&index| volume.color(index as usize)));
+        self.kinds.push(Kind {
+            noun: "voxels",
+            len: voxels.len(),
+            size: grid.size().to_vec(),
+            bounds: scene.solve.solver.kept(bounds),
+            pull,
+        });
         self.parts.push(Part::new(quantity, grid, Arc::new(voxels), optics.density.interpolation()));
         Ok(())
     }
-}
-
-/// What the two parts are pulled with; none where it is what everything is.
-fn steering([first, then]: [f64; 2], then_from: usize) -> Option<Steering> {
-    ([first, then] != [1.0; 2]).then_some(Steering { first, then_from, then })
 }
 
 /// The voxels of a grid that a medium reaches into; exactly those with extinction where the grids are one.

@@ -185,14 +185,14 @@ fn settings_that_make_no_sense_are_named() {
 #[test]
 fn the_library_names_them_as_well() {
     use unscatter::operator::TransportOperator;
-    use unscatter::problem::{LightMapProblem, solve};
+    use unscatter::problem::{LightMapProblem, Problem, solve};
     use unscatter::scene::Weight;
     use unscatter::solve::Control;
     let desk = Desk::new();
     let refused = |spoil: &dyn Fn(&mut unscatter::scene::Scene, &mut LightMapProblem)| {
         let mut scene = unscatter::io::scene_file::load(&desk.path("scene.json"), &[]).unwrap();
         let mut problem = LightMapProblem::new(&scene).unwrap();
-        let operator = problem.operator(&scene, u64::MAX).unwrap();
+        let operator = problem.on_cpu(scene.solve.strategy, u64::MAX).unwrap();
         let coverage = operator.squares(&problem.weights()).unwrap();
         spoil(&mut scene, &mut problem);
         let result = solve(&problem, &operator, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue));

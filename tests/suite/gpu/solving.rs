@@ -7,7 +7,7 @@ use unscatter::io::scene_file;
 use unscatter::operator::{
     Bounds, CpuVector, Indexed, MatrixRows, Metric, TileBlocks, Tiling, TransportOperator, Vector,
 };
-use unscatter::problem::{Assessor, LightMapProblem, Solved, solve};
+use unscatter::problem::{Assessor, LightMapProblem, Problem, Solved, evenly, solve};
 use unscatter::scene::{MetricName, Rgb, Scene, SolverName, Strategy, Weight};
 use unscatter::solve::Control;
 
@@ -114,7 +114,7 @@ fn apart(a: &[Rgb], b: &[Rgb]) -> f64 {
 
 /// Light maps and objectives of the processor and of a device.
 fn compare(scene: &Scene, problem: &LightMapProblem, gpu: &Gpu) -> [f64; 2] {
-    let (here, objective) = solved(problem, &problem.operator(scene, u64::MAX).unwrap(), scene);
+    let (here, objective) = solved(problem, &problem.on_cpu(scene.solve.strategy, u64::MAX).unwrap(), scene);
     let (there, its_objective) = solved(problem, &on_device(scene, problem, gpu, false), scene);
     // In f32 and in another order of sums, an iterate may meet the tolerance an iteration sooner or later.
     let (stop, its_stop) = (here.outcome.stop, there.outcome.stop);
@@ -143,7 +143,7 @@ fn another_medium_is_noticed() {
     let mut thicker = demo("citadel");
     thicker.medium.sigma_t = thicker.medium.sigma_t.map(|sigma| 1.01 * sigma);
     let (problem, other) = (LightMapProblem::new(&scene).unwrap(), LightMapProblem::new(&thicker).unwrap());
-    let (here, _) = solved(&problem, &problem.operator(&scene, u64::MAX).unwrap(), &scene);
+    let (here, _) = solved(&problem, &problem.on_cpu(scene.solve.strategy, u64::MAX).unwrap(), &scene);
     let (there, _) = solved(&other, &on_device(&thicker, &other, &gpu(), false), &thicker);
     assert!(apart(&there.x, &here.x) > DEVICE_LIGHT_MAP);
 }
@@ -157,7 +157,8 @@ fn small(solver: SolverName) -> (Scene, LightMapProblem) {
     scene.solve.solver = solver;
     scene.solve.iterations = 8;
     scene.solve.tolerance = 0.0;
-    let problem = LightMapProblem::new(&scene).unwrap().sampled(5000);
+    let all = LightMapProblem::new(&scene).unwrap();
+    let problem = all.of_some(&evenly(5000, all.constraints.len()));
     (scene, problem)
 }
 
@@ -266,7 +267,7 @@ fn a_device_that_is_lost_is_an_error_and_the_state_before_is_worth_something() {
     assert!(error.to_string().contains("lost"), "{error}");
     // Everything after that says the same, and the processor goes on from where the device was.
     assert!(operator.squares(&problem.weights()).is_err());
-    let here = problem.operator(&scene, u64::MAX).unwrap();
+    let here = problem.on_cpu(scene.solve.strategy, u64::MAX).unwrap();
     let resumed =
         solve(&problem, &here, &coverage, &scene.solve, kept, |_, _| Ok(Control::Continue)).unwrap();
     let whole = solve(&problem, &here, &coverage, &scene.solve, None, |_, _| Ok(Control::Continue)).unwrap();

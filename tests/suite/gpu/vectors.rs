@@ -158,7 +158,7 @@ fn several_sums_cost_one_round_trip() {
 fn gradient_and_laplacian_are_those_of_the_twin() {
     let size = [57, 41];
     let columns: Vec<u32> = (0..57 * 41).filter(|k| k % 7 != 3 && k % 11 != 5).collect();
-    let neighbours = Arc::new(Neighbours::new(&size, &columns).unwrap());
+    let neighbours = Arc::new(Neighbours::new(size, &columns).unwrap());
     for gpu in ways() {
         let (here, there) = (CpuVector::<f64>::zeros(0), device(&gpu, 0));
         let truth = Gradient::new(neighbours.clone(), &here).unwrap();
@@ -175,7 +175,7 @@ fn gradient_and_laplacian_are_those_of_the_twin() {
         }
         // The lattice turned round, with as many pairs, is noticed.
         let turned: Vec<u32> = columns.iter().map(|k| 57 * 41 - 1 - k).rev().collect();
-        let turned = Arc::new(Neighbours::new(&size, &turned).unwrap());
+        let turned = Arc::new(Neighbours::new(size, &turned).unwrap());
         assert_eq!(turned.edges(), neighbours.edges());
         let turned = products(&Gradient::new(turned, &there).unwrap(), 1);
         assert!(relative_difference(&turned[0], &products(&truth, 1)[0]) > AGAINST_EXPLICIT);

@@ -15,7 +15,7 @@ use crate::tolerances::ADJOINT_F64;
 const COLUMNS: [u32; 8] = [0, 1, 2, 4, 6, 8, 9, 11];
 
 fn operators() -> (Arc<Neighbours>, Gradient<CpuVector<f64>>, Laplacian<CpuVector<f64>>) {
-    let neighbours = Arc::new(Neighbours::new(&[4, 3], &COLUMNS).unwrap());
+    let neighbours = Arc::new(Neighbours::new([4, 3], &COLUMNS).unwrap());
     let prototype = CpuVector::<f64>::zeros(COLUMNS.len());
     (
         neighbours.clone(),
@@ -77,11 +77,11 @@ fn their_majorizers_are_the_sums_of_absolute_values() {
         assert_eq!(sums.as_slice(), diagonal);
     }
     for outside_or_twice in [&[24][..], &[3, 3]] {
-        assert!(Neighbours::new(&[4, 3], outside_or_twice).is_err());
+        assert!(Neighbours::new([4, 3], outside_or_twice).is_err());
     }
-    let copies = Neighbours::new(&[4, 3], &[11, 12, 13]).unwrap();
+    let copies = Neighbours::new([4, 3], &[11, 12, 13]).unwrap();
     assert_eq!((copies.edges(), copies.degrees()), (1, vec![0, 1, 1]), "copies are no neighbours");
-    let volume = Neighbours::new(&[2, 2, 2], &[0, 1, 2, 3, 4, 5, 6, 7]).unwrap();
+    let volume = Neighbours::new([2, 2, 2], &[0, 1, 2, 3, 4, 5, 6, 7]).unwrap();
     assert_eq!((volume.edges(), volume.degrees()), (12, vec![3; 8]));
     let mut picked = CpuVector::<f64>::zeros(2);
     picked.pick(&CpuVector(vec![[1.0; 3], [2.0; 3]]), &vec![1, u32::MAX].into());
@@ -117,7 +117,7 @@ fn a_chosen_weight_is_about_as_good_as_the_best() {
     for noise in [1e-3, 1e-2, 1e-1] {
         let (dense, truth, b) = blurred(noise);
         let columns: Vec<u32> = (0..40).collect();
-        let neighbours = Arc::new(Neighbours::new(&[40], &columns).unwrap());
+        let neighbours = Arc::new(Neighbours::new([40], &columns).unwrap());
         let identity = Identity::scaled(&dense.domain(), [1.0; 3]);
         let gradient = Gradient::new(neighbours, &dense.domain()).unwrap();
         let problem = LeastSquares::new(&dense, &b);

@@ -51,9 +51,9 @@ impl NonLinear for Decay {
         self.k = self.looked;
     }
 
-    fn told(&mut self, _step: f64, taken: Taken) -> Control {
+    fn told(&mut self, _step: f64, taken: Taken) -> Result<Control> {
         self.told.push(taken);
-        Control::Continue
+        Ok(Control::Continue)
     }
 }
 

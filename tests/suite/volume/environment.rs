@@ -1,8 +1,8 @@
 //! Light from everywhere as what is looked for.
 
 use unscatter::Error;
-use unscatter::operator::{CpuVector, LinearOperator, TransportOperator, adjoint_test};
-use unscatter::problem::{VolumeProblem, VolumeState};
+use unscatter::operator::{CpuVector, FromHost, LinearOperator, TransportOperator, adjoint_test};
+use unscatter::problem::{Problem, VolumeProblem, VolumeState};
 use unscatter::scene::{
     DirectionalLight, Environment, Find, LightBasis, Mesh, Over, Primitive, Rgb, Strategy, VolumeMedium,
     VolumeScene, look_at,
@@ -129,7 +129,7 @@ fn both_strategies_are_the_explicit_matrix_and_have_its_adjoint() {
         let narrow =
             |v: &CpuVector<f64>| v.0.iter().map(|c| c.map(|value| value as f32)).collect::<Vec<Rgb>>();
         for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
-            let operator = problem.operator(strategy, u64::MAX).unwrap();
+            let operator = problem.on_cpu(strategy, u64::MAX).unwrap();
             let errors = [
                 relative(&operator.shown(&x.0).unwrap(), &narrow(&true_y)),
                 relative(&operator.arriving(&y.0).unwrap(), &narrow(&true_x)),
@@ -148,12 +148,12 @@ fn both_strategies_are_the_explicit_matrix_and_have_its_adjoint() {
 fn too_many_lights_for_the_memory_become_light_volumes() {
     let scene = scene(&CASES[0]);
     let (problem, _) = of_truth(&scene);
-    let all = problem.operator(Strategy::Auto, problem.kept_bytes()).unwrap().storage();
+    let all = problem.on_cpu(Strategy::Auto, problem.kept_bytes()).unwrap().storage();
     assert_eq!((all.kept_rows, all.walked_rows), (problem.targets.len(), 0));
-    assert_eq!(all.kept_nonzeros, problem.plan.nonzeros);
-    let none = problem.operator(Strategy::Auto, 0).unwrap().storage();
+    assert_eq!(all.kept_nonzeros, problem.plan().nonzeros);
+    let none = problem.on_cpu(Strategy::Auto, 0).unwrap().storage();
     assert_eq!((none.kept_rows, none.walked_rows), (0, problem.targets.len()));
-    assert!(matches!(problem.operator(Strategy::Assembled, 0), Err(Error::TooLarge { .. })));
+    assert!(matches!(problem.on_cpu(Strategy::Assembled, 0), Err(Error::TooLarge { .. })));
 }
 
 #[test]
@@ -198,7 +198,7 @@ fn adapters_agree_with_the_explicit_matrix() {
         let scene = scene(case);
         let (problem, _) = of_truth(&scene);
         let x = colours(&scene.light_basis);
-        let here = problem.operator(Strategy::Assembled, u64::MAX).unwrap();
+        let here = problem.on_cpu(Strategy::Assembled, u64::MAX).unwrap();
         for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
             let operator = problem.on_gpu(&gpu, strategy, u64::MAX, false).unwrap();
             assert!(operator.is_deterministic());
@@ -209,8 +209,8 @@ fn adapters_agree_with_the_explicit_matrix() {
                     &here.arriving(&problem.targets).unwrap(),
                 ),
                 relative(
-                    &operator.squares(&problem.row_weights()).unwrap().0,
-                    &here.squares(&problem.row_weights()).unwrap().0,
+                    &operator.squares(&problem.weights()).unwrap().0,
+                    &here.squares(&problem.weights()).unwrap().0,
                 ),
             ];
             assert!(

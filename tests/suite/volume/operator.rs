@@ -3,6 +3,7 @@
 use unscatter::cpu::{Transport, kept_bytes};
 use unscatter::march::{Real, Refraction};
 use unscatter::operator::{CpuVector, LinearOperator, Vector, WalkPlan, adjoint_test};
+use unscatter::problem::Problem;
 use unscatter::scene::{Find, Strategy};
 use unscatter::sparse::ExplicitMatrix;
 
@@ -102,7 +103,7 @@ fn clouds_of_the_benches_obey_the_same_laws() {
             assert_eq!(problem.targets.len() + problem.left_out.beside, 2 * 60 * 60);
             let truth = products(&ExplicitMatrix::new::<1>(&problem.traversal, u64::MAX).unwrap());
             for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
-                let operator = problem.operator(strategy, u64::MAX).unwrap();
+                let operator = problem.on_cpu(strategy, u64::MAX).unwrap();
                 let products = products(&operator);
                 assert!((0..2).all(|way| relative(&products[way], &truth[way]) <= AGAINST_EXPLICIT));
                 assert!(adjoint_test(&operator, 2, 3).unwrap().error <= ADJOINT_F32);

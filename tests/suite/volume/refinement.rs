@@ -1,14 +1,14 @@
 //! How radiance changes with extinction, and the problem of a step of Gauss–Newton.
 
 use unscatter::march::{LinearizedTraversal, Source, channel};
-use unscatter::problem::VolumeProblem;
+use unscatter::problem::{Problem, VolumeProblem};
 use unscatter::scene::{DirectionalLight, Environment, Find, Rgb, Strategy, VolumeMedium, look_at};
 use unscatter::sparse::ExplicitMatrix;
 
 use super::scene::{colors, picture_error, pictures, problem, solved, wanted};
 use super::*;
 use crate::tolerances::{AGAINST_EXPLICIT, REFINEMENT_SLOPE, VOLUME_CONSTANT};
-use unscatter::operator::{CpuVector, LinearOperator, TransportOperator, adjoint_test};
+use unscatter::operator::{CpuVector, FromHost, LinearOperator, adjoint_test};
 
 /// Extinction without holes: its differences are taken to both sides.
 fn dense_values(n: &mut Numbers, grid: VoxelGrid, channels: usize) -> Volume {
@@ -192,7 +192,7 @@ fn kept_and_walked_rows_are_the_explicit_matrix_and_have_its_adjoint() {
             explicit.apply(&x, &mut y).unwrap();
             let most = y.0.iter().flatten().fold(0.0, |most: f64, y| most.max(y.abs()));
             for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
-                let operator = problem.operator(strategy, u64::MAX).unwrap();
+                let operator = problem.on_cpu(strategy, u64::MAX).unwrap();
                 let shown = operator.shown(&problem.start).unwrap();
                 for (shown, y) in shown.iter().zip(&y.0) {
                     (0..3).for_each(|c| {

@@ -1,7 +1,7 @@
 //! Problems of one volume, solved and compared.
 
 use unscatter::operator::TransportOperator;
-use unscatter::problem::{Solved, VolumeProblem, VolumeState, minimize};
+use unscatter::problem::{Problem, Solved, VolumeProblem, VolumeState, solve};
 use unscatter::scene::{Image, Strategy, VolumeMedium, VolumeScene};
 use unscatter::solve::Control;
 
@@ -16,11 +16,11 @@ pub fn solved(scene: &VolumeScene, problem: &VolumeProblem) -> (Solved, VolumeMe
 
 /// A problem solved, and the medium and the light around it with its solution.
 pub fn solved_state(scene: &VolumeScene, problem: &VolumeProblem) -> (Solved, VolumeState) {
-    let operator = problem.operator(Strategy::Auto, 1 << 30).unwrap();
-    let coverage = operator.squares(&problem.row_weights()).unwrap();
+    let operator = problem.on_cpu(Strategy::Auto, 1 << 30).unwrap();
+    let coverage = operator.squares(&problem.weights()).unwrap();
     let settings = VolumeProblem::settings(scene, problem.find);
     let each = |_: &_, _: &mut dyn unscatter::problem::Snapshot| Ok(Control::Continue);
-    let solved = minimize(&problem.formulation(), &operator, &coverage, &settings, None, each).unwrap();
+    let solved = solve(problem, &operator, &coverage, &settings, None, each).unwrap();
     let state = problem.apply(&VolumeState::of(scene).unwrap(), &solved.x).unwrap();
     (solved, state)
 }

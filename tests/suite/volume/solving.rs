@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use unscatter::march::Traversal;
-use unscatter::problem::{VolumeProblem, VolumeState};
+use unscatter::problem::{Problem, VolumeProblem, VolumeState};
 use unscatter::scene::{DirectionalLight, Environment, Find, SolverName, VolumeMedium, VolumeScene, look_at};
 use unscatter::sparse::ExplicitMatrix;
 

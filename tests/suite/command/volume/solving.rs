@@ -219,7 +219,7 @@ fn commands_for_the_other_kind_of_scene_say_so() {
     other.run(&["animate", "scene.json"]).exits_with(1).tells("unscatter light-map");
     desk.run(&["animate", "scene.json"]).exits_with(1).tells("unscatter volume");
     other.put("scene.json", "{ \"volume\": ");
-    other.run(&["volume", "scene.json"]).exits_with(1).tells("line 1");
+    other.run(&["volume", "scene.json"]).exits_with(1).tells("scene.json:1:12");
     assert!(scene()["volume"].is_object());
 }
 

@@ -1,0 +1,97 @@
+//! What a job asks for: problem by problem, each from its scene as it is.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::memory::{self, Memory};
+use super::steps::Steps;
+use super::{Scenes, volume};
+use crate::Result;
+use crate::problem::{LightMapProblem, Problem, Traced, VolumeProblem};
+use crate::scene::{SolveSettings, VolumeScene};
+use crate::visibility::Geometry;
+
+/// A problem, before anything is solved.
+pub(crate) struct Asked {
+    /// What the scene is called.
+    pub(crate) scene: String,
+    /// What is looked for.
+    pub(crate) find: &'static str,
+    /// Views and their pixels.
+    pub(crate) views: usize,
+    pub(crate) pixels: usize,
+    pub(crate) problem: Box<dyn Problem>,
+    /// How it is solved.
+    pub(crate) settings: SolveSettings,
+    pub(crate) memory: Memory,
+    /// Seconds that making the problems of its scene took, once there was a hierarchy.
+    pub(crate) seconds: f64,
+}
+
+impl Scenes {
+    /// The hierarchy over the triangles, which key frames share.
+    pub(crate) fn geometry(&self) -> Result<Arc<Geometry>> {
+        let mesh = match self {
+            Self::LightMap(scene) => Some(&scene.mesh),
+            Self::Volume(scene) => Some(&scene.mesh),
+            Self::Animation(animated) => animated.animation.keys.first().map(|key| &key.scene.mesh),
+        };
+        Ok(Arc::new(Geometry::new(mesh.cloned().unwrap_or_default())?))
+    }
+
+    /// The volume scenes: one, or those of the key frames, with what the names of their files begin with.
+    pub(crate) fn volumes(&self) -> Vec<(String, VolumeScene)> {
+        match self {
+            Self::LightMap(_) => Vec::new(),
+            Self::Volume(scene) => vec![(String::new(), VolumeScene::clone(scene))],
+            Self::Animation(animated) => {
+                let keys = animated.animation.keys.iter();
+                let named = |key: &crate::scene::KeyFrame| {
+                    let name = format!("{}, frame {}", key.scene.name, key.frame);
+                    (volume::of_frame("frame", key.frame), VolumeScene { name, ..key.scene.clone() })
+                };
+                keys.map(named).collect()
+            }
+        }
+    }
+
+    /// All problems: a light map, or each stage of each volume.
+    pub(crate) fn asked(&self, geometry: &Arc<Geometry>, steps: &mut Steps<'_>) -> Result<Vec<Asked>> {
+        if let Self::LightMap(scene) = self {
+            steps.begin("tracing", None);
+            let (clock, memory) = (Instant::now(), Memory::of_light_map(scene));
+            let problem = LightMapProblem::of(scene, geometry, memory::painted(scene)?, &Traced)?;
+            let seconds = clock.elapsed().as_secs_f64();
+            return Ok(vec![Asked {
+                scene: scene.name.clone(),
+                find: "light map",
+                views: scene.views.len(),
+                pixels: scene.pixels(),
+                settings: memory.settled(scene.solve.clone(), &problem)?,
+                problem: Box::new(problem),
+                memory,
+                seconds,
+            }]);
+        }
+        let mut all = Vec::new();
+        for (_, scene) in self.volumes() {
+            let (clock, memory) = (Instant::now(), Memory::of_volume(&scene));
+            let problems = volume::problems(&scene, geometry, steps)?;
+            let seconds = clock.elapsed().as_secs_f64();
+            for problem in problems {
+                let settings = VolumeProblem::settings(&scene, problem.find);
+                all.push(Asked {
+                    scene: scene.name.clone(),
+                    find: problem.find.name(),
+                    views: scene.views.len(),
+                    pixels: scene.pixels(),
+                    settings: memory.settled(settings, &problem)?,
+                    problem: Box::new(problem),
+                    memory,
+                    seconds,
+                });
+            }
+        }
+        Ok(all)
+    }
+}

@@ -1,0 +1,176 @@
+use std::collections::BTreeSet;
+use std::fmt::Debug;
+
+use super::{Formulation, Solved, evenly};
+use crate::Result;
+use crate::cpu::{HostOperator, kept_bytes};
+#[cfg(feature = "gpu")]
+use crate::gpu::{Gpu, GpuOperator};
+use crate::march::Traversal;
+use crate::operator::{CpuVector, OnHost, WalkPlan};
+use crate::scene::{Quadrature, Rgb, SolveSettings, Strategy};
+use crate::sparse::ExplicitMatrix;
+
+/// What is looked for in pictures, as jobs and labs see it: light maps, volumes, lights around them.
+///
+/// A row is a pixel, an element one of the numbers that are looked for, three channels each.
+pub trait Problem: Debug + Send + Sync {
+    /// b of each row.
+    fn targets(&self) -> &[Rgb];
+
+    /// w of each row.
+    fn weights(&self) -> CpuVector;
+
+    /// The view of a row, and its pixel there, counted row by row of the picture.
+    fn pixel(&self, row: usize) -> [usize; 2];
+
+    /// What walking the rows will take.
+    fn plan(&self) -> &WalkPlan;
+
+    /// Whether one weight serves all channels.
+    fn is_grey(&self) -> bool;
+
+    /// The problem as methods solve it.
+    ///
+    /// Errors: [`crate::Error::Value`] naming a bound.
+    fn formulation(&self, settings: &SolveSettings) -> Result<Formulation<'_>>;
+
+    /// What methods have found, as the problem hands it over.
+    ///
+    /// Errors: [`crate::Error::NonFinite`] naming an element.
+    fn complete(&self, _settings: &SolveSettings, solved: Solved) -> Result<Solved> {
+        Ok(solved)
+    }
+
+    /// The problem of some of its rows.
+    fn picked(&self, rows: &[usize]) -> Box<dyn Problem>;
+
+    /// The same rows, integrated in another way or cut at another transmittance; none where they cannot be.
+    fn integrated(
+        &self,
+        quadrature: Quadrature,
+        transmittance_bound: Option<f64>,
+    ) -> Option<Box<dyn Problem>>;
+
+    /// The same rows, walked without skipping what is empty or evenly lit; none where nothing is skipped.
+    fn unskipped(&self) -> Option<Unskipped>;
+
+    /// What cutting the rows at the transmittance bound may change: ‖what is lost‖ is at most this for elements of 1. None where that is
+    /// not known.
+    fn most_lost(&self) -> Option<f64>;
+
+    /// Foresees the rows anew, to time it.
+    fn replan(&mut self);
+
+    /// The non-zeros of a row.
+    fn row(&self, row: usize, visit: &mut dyn FnMut(usize, [f64; 3]));
+
+    /// T on the processor in f32, with as much of it kept as a strategy and `budget` bytes allow.
+    ///
+    /// Errors: [`crate::Error::TooLarge`] when all of it must be kept and does not fit.
+    fn on_cpu(&self, strategy: Strategy, budget: u64) -> Result<OnHost>;
+
+    /// The same in f64: what solutions are measured against.
+    fn wide(&self, strategy: Strategy) -> Result<OnHost<f64>>;
+
+    /// T on a graphics adapter, kept or walked there. `deterministic` sums are the same in every run.
+    ///
+    /// Errors: [`crate::Error::TooLarge`] when rows must be kept and exceed the budget, [`crate::Error::AdapterMemory`];
+    /// [`crate::Error::Unsupported`] for what there is no kernel for.
+    #[cfg(feature = "gpu")]
+    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, budget: u64, deterministic: bool) -> Result<GpuOperator>;
+
+    /// T as a matrix of so many non-zeros at most.
+    ///
+    /// Errors: [`crate::Error::TooLarge`] for more.
+    fn explicit(&self, most: u64) -> Result<ExplicitMatrix>;
+
+    /// All that could be looked for, unknown or not.
+    fn candidates(&self) -> usize;
+
+    /// Bytes of what rays meet and of what is prepared for them, beside the scene.
+    fn prepared_bytes(&self) -> u64;
+
+    /// Bytes of the rays, one a row.
+    fn ray_bytes(&self) -> u64;
+
+    /// All numbers beside rows, targets and start that T depends on, to tell one problem from another.
+    fn digest(&self, add: &mut dyn FnMut(u64));
+
+    /// What is not computed because nothing depends on it, by the names of reports: how many, of how many.
+    fn skipped(&self) -> Vec<(&'static str, [usize; 2])>;
+
+    /// Settings of rays and elements, by name, in words.
+    fn settings_in_words(&self) -> Vec<(&'static str, String)>;
+
+    /// The number of rows.
+    fn rows(&self) -> usize {
+        self.targets().len()
+    }
+
+    /// The problem of at most so many of its rows, evenly spread.
+    fn sampled(&self, rows: usize) -> Box<dyn Problem> {
+        self.picked(&evenly(rows, self.rows()))
+    }
+
+    /// The views that weigh anything.
+    fn views(&self) -> BTreeSet<usize> {
+        let weights = self.weights();
+        let weighs = |row: &usize| weights.0[*row].iter().any(|&weight| weight > 0.0);
+        (0..self.rows()).filter(weighs).map(|row| self.pixel(row)[0]).collect()
+    }
+
+    /// Bytes that keeping all rows takes on the processor, foreseen.
+    fn kept_bytes(&self) -> u64 {
+        kept_bytes::<f32>(self.plan(), if self.is_grey() { 1 } else { 3 })
+    }
+}
+
+/// Rows that are walked without skipping.
+#[derive(Debug)]
+pub struct Unskipped {
+    /// What is skipped otherwise.
+    pub what: &'static str,
+    /// The setting that does so for a whole job.
+    pub switch: &'static str,
+    /// What its work is counted in.
+    pub unit: &'static str,
+    /// How much is done with and without skipping.
+    pub work: [f64; 2],
+    /// The rows.
+    pub problem: Box<dyn Problem>,
+}
+
+/// T of a traversal on the processor.
+pub(super) fn on_host<F: crate::march::Real, T>(
+    rows: &T,
+    (is_grey, plan): (bool, &WalkPlan),
+    (strategy, budget): (Strategy, u64),
+) -> Result<OnHost<F>>
+where
+    T: Traversal<f64, 1> + Traversal<f64, 3> + Clone + Send + Sync + 'static,
+{
+    Ok(Box::new(HostOperator::<T, F>::new(rows.clone(), is_grey, plan, strategy, budget)?))
+}
+
+/// The matrix of a traversal.
+pub(super) fn explicit<T: Traversal<f64, 1> + Traversal<f64, 3>>(
+    rows: &T,
+    is_grey: bool,
+    most: u64,
+) -> Result<ExplicitMatrix> {
+    if is_grey { ExplicitMatrix::new::<1>(rows, most) } else { ExplicitMatrix::new::<3>(rows, most) }
+}
+
+/// The non-zeros of a row of a traversal.
+pub(super) fn row_of<T: Traversal<f64, 1> + Traversal<f64, 3>>(
+    rows: &T,
+    is_grey: bool,
+    row: usize,
+    visit: &mut dyn FnMut(usize, [f64; 3]),
+) {
+    match is_grey {
+        true => rows.walk(row, &mut |element, [weight]: [f64; 1]| visit(element, [weight; 3])),
+        false => rows.walk(row, &mut |element, weights: [f64; 3]| visit(element, weights)),
+    }
+}
