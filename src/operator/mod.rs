@@ -38,7 +38,7 @@ pub(crate) use transport::{brought, fetched};
 pub use walk_plan::WalkPlan;
 pub use weighted::Weighted;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::Result;
 
@@ -60,10 +60,10 @@ impl PendingSum for Scalars {
     }
 }
 
-/// A vector with three channels an element.
+/// A vector with three channels an element. Threads may share it.
 ///
 /// What a device is told to do it does later; where it fails, the next method that returns a result says so.
-pub trait Vector: Sized {
+pub trait Vector: Sized + Send + Sync {
     /// What a sum over the elements is until it is asked for: to ask for several together costs one wait.
     type Sum: PendingSum;
 
@@ -157,7 +157,7 @@ pub const NOWHERE: u32 = u32::MAX;
 /// Vectors whose elements can be picked out and put back by index.
 pub trait Indexed: Vector {
     /// Indices where the vector lives.
-    type Index: std::fmt::Debug;
+    type Index: std::fmt::Debug + Send + Sync;
 
     /// Brings indices to where the vector lives.
     fn index(&self, index: &Arc<[u32]>) -> Result<Self::Index>;
@@ -230,6 +230,13 @@ macro_rules! operators {
 }
 
 operators!(&T, Box<T>, Arc<T>);
+
+/// Room that an operator keeps for what lies between two of its steps. Threads take turns.
+///
+/// A panic of another thread leaves numbers that are overwritten before they are read.
+fn lock<T>(room: &Mutex<T>) -> MutexGuard<'_, T> {
+    room.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Whether a vector fits.
 pub(crate) fn expect_len(what: &'static str, vector: &impl Vector, expected: usize) -> Result<()> {

@@ -105,17 +105,15 @@ impl<'a> Formulation<'a> {
     ///
     /// Errors: [`Error::Value`] naming `lower` or `upper`.
     pub fn bounds(&self) -> Result<Bounds> {
-        let mut bounds: Option<Bounds> = None;
+        let (mut bounds, mut last) = (Bounds::NONE, None);
         for (elements, part) in self.ranges() {
-            let [lower, upper] = part.bounds;
-            let of_part = Bounds::new(lower, upper)?;
-            bounds = Some(match bounds {
-                Some(before) if before.of(elements.start.saturating_sub(1)) == &part.bounds => before,
-                Some(before) => before.then(elements.start, of_part),
-                None => of_part,
-            });
+            if last != Some(part.bounds) {
+                let [lower, upper] = part.bounds;
+                bounds = bounds.then(elements.start, Bounds::new(lower, upper)?);
+                last = Some(part.bounds);
+            }
         }
-        Ok(bounds.unwrap_or(Bounds::NONE))
+        Ok(bounds)
     }
 
     /// The lattices of the parts, one behind the other.

@@ -94,7 +94,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
 
     /// What a method solves.
     pub fn problem(&self) -> LeastSquares<'_, Stacked<'a, V>> {
-        let problem = LeastSquares::new(&self.operator, &self.rhs).bounded(self.bounds);
+        let problem = LeastSquares::new(&self.operator, &self.rhs).bounded(self.bounds.clone());
         match &self.metric {
             Some(metric) => problem.measured(&**metric),
             None => problem,
@@ -154,7 +154,6 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         let factors = brought(operator.range(), &factors)?;
         let (mut picked, mut pulls) = (Vec::with_capacity(columns.len()), Vec::with_capacity(columns.len()));
         let before = |end: usize| columns.partition_point(|&column| (column as usize) < end);
-        let (all, mut bounds) = (problem.bounds()?, None::<Bounds>);
         for ((range, part), scale) in problem.ranges().zip(scales) {
             let unknown = before(range.start)..before(range.end);
             pulls.resize(unknown.end, part.pull * scale);
@@ -168,14 +167,12 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         } else {
             weighted(Restricted::new(operator, columns.clone())?, factors, problem.targets)?
         };
-        for (range, [lower, upper]) in all.parts(elements) {
-            let of_part = Bounds::new(lower, upper)?;
-            bounds = Some(match bounds {
-                Some(others) => others.then(before(range.start), of_part),
-                None => of_part,
-            });
+        let mut bounds = Bounds::NONE;
+        if settings.solver.keeps_bounds() {
+            for (part, [lower, upper]) in problem.bounds()?.parts(elements) {
+                bounds = bounds.then(before(part.start), Bounds::new(lower, upper)?);
+            }
         }
-        let bounds = bounds.filter(|_| settings.solver.keeps_bounds()).unwrap_or(Bounds::NONE);
         Ok(Self {
             operator,
             rhs: Blocks(vec![targets]),
@@ -330,7 +327,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
 
 /// The regularizers, without their weights.
 struct Regularizers<V: Indexed> {
-    tikhonov: Box<dyn LinearOperator<Domain = V, Range = V>>,
+    tikhonov: Box<dyn LinearOperator<Domain = V, Range = V> + Send + Sync>,
     /// None where nothing asks for them.
     among_neighbours: Option<AmongNeighbours<V>>,
 }
@@ -365,7 +362,7 @@ impl<V: Indexed> Regularizers<V> {
 
 /// The data's rows, each times the root of its weight, and their targets likewise.
 fn weighted<'a, V: Indexed + 'static>(
-    operator: impl LinearOperator<Domain = V, Range = V> + 'a,
+    operator: impl LinearOperator<Domain = V, Range = V> + Send + Sync + 'a,
     factors: V,
     targets: &[Rgb],
 ) -> Result<(Stacked<'a, V>, V)> {
