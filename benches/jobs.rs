@@ -106,7 +106,7 @@ fn iterate(operator: &Transport<LightMapTraversal, f32, 1>) {
     let stacked = Stacked::new(operator).over(pull).unwrap();
     let target = |row: usize| std::array::from_fn(|c| ((row / 700 + c) % 3) as f32 * 0.02);
     let targets = CpuVector((0..operator.range().len()).map(target).collect());
-    let rhs = Blocks(vec![targets, operator.domain()]);
+    let rhs = Blocks::new(targets, vec![operator.domain()]);
     let problem = LeastSquares::new(&stacked, &rhs);
     let start = stacked.domain();
     let limits = Limits::new(32, 0.0);

@@ -105,7 +105,7 @@ fn main() -> unscatter::Result<()> {
     // min ½‖T x − b‖² + ½ λ ‖x‖², x ≥ 0 is the plain problem of T stacked on √λ times the identity, with a bound.
     let start = operator.domain();
     let regularized = Stacked::new(&operator).over(Identity::scaled(&start, [LAMBDA.sqrt(); 3]))?;
-    let rhs = Blocks(vec![picture, start.zeros_like()]);
+    let rhs = Blocks::new(picture, vec![start.zeros_like()]);
     let scaling = scaling(&regularized)?;
     let problem = LeastSquares::new(&regularized, &rhs).bounded(Bounds::NOT_NEGATIVE).measured(&scaling);
     let mut method = Fista::new(&regularized);
@@ -122,7 +122,7 @@ fn main() -> unscatter::Result<()> {
     // Another method on the explicit matrix in f64 finds the same light map.
     let zero = explicit.domain();
     let regularized = Stacked::new(&explicit).over(Identity::scaled(&zero, [LAMBDA.sqrt(); 3]))?;
-    let rhs = Blocks(vec![y, explicit.domain()]);
+    let rhs = Blocks::new(y, vec![explicit.domain()]);
     let check_scaling = self::scaling(&regularized)?;
     let problem =
         LeastSquares::new(&regularized, &rhs).bounded(Bounds::NOT_NEGATIVE).measured(&check_scaling);

@@ -111,8 +111,6 @@ impl LinearOperator for Rows {
 }
 
 impl TransportOperator for Rows {
-    type Vector = GpuVector;
-
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
         self.host.squares(weights)
     }

@@ -165,7 +165,7 @@ fn iterate(gpu: &Gpu, operator: &dyn DeviceOperator) -> [f64; 2] {
     let stacked = Stacked::new(operator).over(pull).unwrap();
     let mut targets = operator.range();
     targets.fill([0.02, 0.01, 0.03]);
-    let rhs = Blocks(vec![targets, operator.domain()]);
+    let rhs = Blocks::new(targets, vec![operator.domain()]);
     let limits = Limits::new(iterations(gpu), 0.0);
     let problem = LeastSquares::new(&stacked, &rhs);
     let start = stacked.domain();

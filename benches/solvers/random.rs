@@ -65,7 +65,7 @@ pub(crate) fn table(most: f64) {
             CpuVector((0..rows).map(|_| std::array::from_fn(|_| 6.0 * n.uniform(0.0, 1.0) as f32)).collect());
         let mut pulled = start.clone();
         pulled.scale([root; 3]);
-        let rhs = Blocks(vec![targets, pulled]);
+        let rhs = Blocks::new(targets, vec![pulled]);
         let (mut ones, mut sums) = (start.clone(), stacked.range());
         ones.fill([1.0; 3]);
         stacked.apply(&ones, &mut sums).unwrap();

@@ -49,8 +49,6 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> HostOperator<T, F> {
 }
 
 impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> TransportOperator for HostOperator<T, F> {
-    type Vector = CpuVector<F>;
-
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
         let weights = brought(CpuVector::zeros(weights.len()), &weights.0)?;
         let squares = of_any!(self, transport => transport.squares(&weights));

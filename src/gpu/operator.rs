@@ -168,8 +168,6 @@ impl LinearOperator for GpuOperator {
 }
 
 impl TransportOperator for GpuOperator {
-    type Vector = GpuVector;
-
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
         let (y, mut x) = (brought(self.range(), &weights.0)?, self.domain());
         match self.products.squares(&y, &mut x)? {

@@ -3,25 +3,26 @@ use std::sync::Mutex;
 use super::{Bounds, LinearOperator, PendingSum, Scalars, Vector};
 use crate::{Error, Result};
 
-/// Blocks of a stack at most: the data and what may regularize them.
-const MOST_BLOCKS: usize = 8;
+/// Blocks below the data at most: what may regularize them.
+const MOST_LOWER: usize = 7;
 
 /// An operator of a stack, which threads may share.
-type Block<'a, V> = dyn LinearOperator<Domain = V, Range = V> + Send + Sync + 'a;
+type Block<'a, V, R> = Box<dyn LinearOperator<Domain = V, Range = R> + Send + Sync + 'a>;
 
 /// [A; B; …]: operators on the same unknowns, one above the other.
 ///
-/// A regularized problem is the plain least-squares problem of the transport stacked on its regularizers.
-pub struct Stacked<'a, V> {
-    blocks: Vec<Box<Block<'a, V>>>,
+/// A regularized problem is the plain least-squares problem of the transport stacked on its regularizers. Rows of the transport may live
+/// elsewhere than the unknowns, which the regularizers are about.
+pub struct Stacked<'a, V, R = V> {
+    upper: Block<'a, V, R>,
+    lower: Vec<Block<'a, V, V>>,
     scratch: Mutex<V>,
 }
 
-impl<'a, V: Vector> Stacked<'a, V> {
+impl<'a, V: Vector, R: Vector> Stacked<'a, V, R> {
     /// One operator, to be stacked on others.
-    pub fn new(uppermost: impl LinearOperator<Domain = V, Range = V> + Send + Sync + 'a) -> Self {
-        let scratch = Mutex::new(uppermost.domain());
-        Self { blocks: vec![Box::new(uppermost)], scratch }
+    pub fn new(upper: impl LinearOperator<Domain = V, Range = R> + Send + Sync + 'a) -> Self {
+        Self { scratch: Mutex::new(upper.domain()), upper: Box::new(upper), lower: Vec::new() }
     }
 
     /// The same with another operator below.
@@ -31,57 +32,58 @@ impl<'a, V: Vector> Stacked<'a, V> {
         mut self,
         lower: impl LinearOperator<Domain = V, Range = V> + Send + Sync + 'a,
     ) -> Result<Self> {
-        if self.blocks.len() == MOST_BLOCKS {
+        if self.lower.len() == MOST_LOWER {
             return Err(Error::Shape {
                 what: "a stack (blocks)",
-                expected: MOST_BLOCKS,
-                got: MOST_BLOCKS + 1,
+                expected: MOST_LOWER + 1,
+                got: MOST_LOWER + 2,
             });
         }
         super::expect_len("the lower operator's domain", &lower.domain(), super::lock(&self.scratch).len())?;
-        self.blocks.push(Box::new(lower));
+        self.lower.push(Box::new(lower));
         Ok(self)
     }
 
-    /// The operator of block `index`, from the top.
-    pub fn block(&self, index: usize) -> &(dyn LinearOperator<Domain = V, Range = V> + 'a) {
-        &*self.blocks[index]
-    }
-
-    /// The number of blocks.
-    pub fn blocks(&self) -> usize {
-        self.blocks.len()
+    /// What the lower operators make of x.
+    pub fn below(&self, x: &V) -> Result<Vec<V>> {
+        let apply = |operator: &Block<'a, V, V>| {
+            let mut y = operator.range();
+            operator.apply(x, &mut y)?;
+            Ok(y)
+        };
+        self.lower.iter().map(apply).collect()
     }
 }
 
-impl<V> std::fmt::Debug for Stacked<'_, V> {
+impl<V, R> std::fmt::Debug for Stacked<'_, V, R> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Stacked of {}", self.blocks.len())
+        write!(f, "Stacked of {}", 1 + self.lower.len())
     }
 }
 
-impl<V: Vector> LinearOperator for Stacked<'_, V> {
+impl<V: Vector, R: Vector> LinearOperator for Stacked<'_, V, R> {
     type Domain = V;
-    type Range = Blocks<V>;
+    type Range = Blocks<R, V>;
 
     fn domain(&self) -> V {
         super::lock(&self.scratch).zeros_like()
     }
 
-    fn range(&self) -> Blocks<V> {
-        Blocks(self.blocks.iter().map(|block| block.range()).collect())
+    fn range(&self) -> Blocks<R, V> {
+        Blocks::new(self.upper.range(), self.lower.iter().map(|block| block.range()).collect())
     }
 
-    fn apply(&self, x: &V, y: &mut Blocks<V>) -> Result<()> {
-        y.expect(self.blocks.len())?;
-        self.blocks.iter().zip(&mut y.0).try_for_each(|(block, y)| block.apply(x, y))
+    fn apply(&self, x: &V, y: &mut Blocks<R, V>) -> Result<()> {
+        y.expect(self.lower.len())?;
+        self.upper.apply(x, &mut y.upper)?;
+        self.lower.iter().zip(&mut y.lower).try_for_each(|(block, y)| block.apply(x, y))
     }
 
-    fn apply_adjoint(&self, y: &Blocks<V>, x: &mut V) -> Result<()> {
-        y.expect(self.blocks.len())?;
-        self.blocks[0].apply_adjoint(&y.0[0], x)?;
+    fn apply_adjoint(&self, y: &Blocks<R, V>, x: &mut V) -> Result<()> {
+        y.expect(self.lower.len())?;
+        self.upper.apply_adjoint(&y.upper, x)?;
         let mut lower = super::lock(&self.scratch);
-        for (block, y) in self.blocks.iter().zip(&y.0).skip(1) {
+        for (block, y) in self.lower.iter().zip(&y.lower) {
             block.apply_adjoint(y, &mut lower)?;
             x.axpby([1.0; 3], &lower, [1.0; 3]);
         }
@@ -89,130 +91,167 @@ impl<V: Vector> LinearOperator for Stacked<'_, V> {
     }
 }
 
-/// Vectors, one above the other.
+/// Vectors, one above the others, which are of one type.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Blocks<V>(pub Vec<V>);
+pub struct Blocks<R, V = R> {
+    /// Over the rows of the data.
+    pub upper: R,
+    /// Over those of the regularizers.
+    pub lower: Vec<V>,
+}
 
-impl<V: Vector> Blocks<V> {
-    fn expect(&self, blocks: usize) -> Result<()> {
-        let got = self.0.len();
-        if got == blocks {
+impl<R: Vector, V: Vector> Blocks<R, V> {
+    /// One vector above others.
+    pub fn new(upper: R, lower: Vec<V>) -> Self {
+        Self { upper, lower }
+    }
+
+    fn expect(&self, lower: usize) -> Result<()> {
+        let (expected, got) = (lower + 1, self.lower.len() + 1);
+        if got == expected {
             Ok(())
         } else {
-            Err(Error::Shape { what: "a stacked vector (blocks)", expected: blocks, got })
+            Err(Error::Shape { what: "a stacked vector (blocks)", expected, got })
         }
     }
+}
 
-    fn pairs<'a>(&'a mut self, other: &'a Self) -> impl Iterator<Item = (&'a mut V, &'a V)> {
-        self.0.iter_mut().zip(&other.0)
-    }
-
-    fn sum(&self, part: impl Fn(usize, &V) -> Result<V::Sum>) -> Result<BlockSum<V::Sum>> {
-        let mut parts = [const { None }; MOST_BLOCKS];
-        for (index, block) in self.0.iter().enumerate() {
-            parts[index] = Some(part(index, block)?);
+/// Does the same to every block, with its partners in other stacks.
+macro_rules! each {
+    ($stack:expr, $mine:ident => $change:expr) => {{
+        let $mine = &mut $stack.upper;
+        $change;
+        $stack.lower.iter_mut().for_each(|$mine| $change);
+    }};
+    ($stack:expr, $mine:ident, $($other:ident),+ => $change:expr) => {{
+        {
+            let ($mine, $($other),+) = (&mut $stack.upper, $(&$other.upper),+);
+            $change;
         }
-        Ok(BlockSum(parts))
-    }
+        for (index, $mine) in $stack.lower.iter_mut().enumerate() {
+            $(let $other = &$other.lower[index];)+
+            $change;
+        }
+    }};
 }
 
 /// The sum over all blocks, each of them under way; it takes no memory.
 #[derive(Debug)]
-pub struct BlockSum<S>([Option<S>; MOST_BLOCKS]);
+pub struct BlockSum<R, V> {
+    upper: R,
+    lower: [Option<V>; MOST_LOWER],
+}
 
-impl<S: PendingSum> PendingSum for BlockSum<S> {
+impl<R: PendingSum, V: PendingSum> PendingSum for BlockSum<R, V> {
     fn value(self) -> Result<Scalars> {
-        self.0.into_iter().flatten().try_fold([0.0; 3], |sum, part| {
+        self.lower.into_iter().flatten().try_fold(self.upper.value()?, |sum, part| {
             let part = part.value()?;
             Ok(std::array::from_fn(|c| sum[c] + part[c]))
         })
     }
 }
 
-impl<V: Vector> Vector for Blocks<V> {
-    type Sum = BlockSum<V::Sum>;
+/// A sum over all blocks, given that of a block and its partner.
+macro_rules! sum {
+    ($stack:expr, $other:expr, |$mine:ident, $theirs:ident| $part:expr) => {{
+        let (upper, mut lower) = {
+            let ($mine, $theirs) = (&$stack.upper, &$other.upper);
+            ($part?, [const { None }; MOST_LOWER])
+        };
+        for (sum, ($mine, $theirs)) in lower.iter_mut().zip($stack.lower.iter().zip(&$other.lower)) {
+            *sum = Some($part?);
+        }
+        Ok(BlockSum { upper, lower })
+    }};
+}
+
+impl<R: Vector, V: Vector> Vector for Blocks<R, V> {
+    type Sum = BlockSum<R::Sum, V::Sum>;
 
     fn len(&self) -> usize {
-        self.0.iter().map(V::len).sum()
+        self.upper.len() + self.lower.iter().map(V::len).sum::<usize>()
     }
 
     fn zeros_like(&self) -> Self {
-        Self(self.0.iter().map(V::zeros_like).collect())
+        Self::new(self.upper.zeros_like(), self.lower.iter().map(V::zeros_like).collect())
     }
 
     fn fill(&mut self, value: Scalars) {
-        self.0.iter_mut().for_each(|block| block.fill(value));
+        each!(self, mine => mine.fill(value));
     }
 
     fn copy_from(&mut self, other: &Self) {
-        self.pairs(other).for_each(|(mine, other)| mine.copy_from(other));
+        each!(self, mine, other => mine.copy_from(other));
     }
 
     fn axpby(&mut self, alpha: Scalars, x: &Self, beta: Scalars) {
-        self.pairs(x).for_each(|(mine, x)| mine.axpby(alpha, x, beta));
+        each!(self, mine, x => mine.axpby(alpha, x, beta));
     }
 
     fn scale(&mut self, factor: Scalars) {
-        self.0.iter_mut().for_each(|block| block.scale(factor));
+        each!(self, mine => mine.scale(factor));
     }
 
     fn multiply(&mut self, x: &Self) {
-        self.pairs(x).for_each(|(mine, x)| mine.multiply(x));
+        each!(self, mine, x => mine.multiply(x));
     }
 
     fn invert(&mut self) {
-        self.0.iter_mut().for_each(V::invert);
+        each!(self, mine => mine.invert());
     }
 
     fn clamp(&mut self, bounds: &Bounds) {
-        self.0.iter_mut().for_each(|block| block.clamp(bounds));
+        each!(self, mine => mine.clamp(bounds));
     }
 
     fn hold(&mut self, x: &Self, gradient: &Self, bounds: &Bounds) {
-        self.pairs(x).zip(&gradient.0).for_each(|((mine, x), gradient)| mine.hold(x, gradient, bounds));
+        each!(self, mine, x, gradient => mine.hold(x, gradient, bounds));
     }
 
     fn hold_at_bounds(&mut self, x: &Self, bounds: &Bounds) {
-        self.pairs(x).for_each(|(mine, x)| mine.hold_at_bounds(x, bounds));
+        each!(self, mine, x => mine.hold_at_bounds(x, bounds));
     }
 
     fn shorten(&mut self, x: &Self, bounds: &Bounds) {
-        self.pairs(x).for_each(|(mine, x)| mine.shorten(x, bounds));
+        each!(self, mine, x => mine.shorten(x, bounds));
     }
 
     fn largest_step(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
-        self.0.iter().zip(&x.0).try_fold([f64::INFINITY; 3], |least, (block, x)| {
+        let least = self.upper.largest_step(&x.upper, bounds)?;
+        self.lower.iter().zip(&x.lower).try_fold(least, |least, (block, x)| {
             let step = block.largest_step(x, bounds)?;
             Ok(std::array::from_fn(|c| least[c].min(step[c])))
         })
     }
 
     fn projected_norm_squared_later(&self, x: &Self, bounds: &Bounds) -> Result<Self::Sum> {
-        self.sum(|index, block| block.projected_norm_squared_later(&x.0[index], bounds))
+        sum!(self, x, |mine, x| mine.projected_norm_squared_later(x, bounds))
     }
 
     fn dot_later(&self, other: &Self) -> Result<Self::Sum> {
-        self.sum(|index, block| block.dot_later(&other.0[index]))
+        sum!(self, other, |mine, other| mine.dot_later(other))
     }
 
     fn upper_norm_squared(&self) -> Result<Scalars> {
-        self.0.first().map_or(Ok([0.0; 3]), V::norm_squared)
+        self.upper.norm_squared()
     }
 
     fn epsilon(&self) -> f64 {
-        self.0.iter().map(V::epsilon).fold(0.0, f64::max)
+        self.lower.iter().map(V::epsilon).fold(self.upper.epsilon(), f64::max)
     }
 
     fn to_host(&self) -> Result<Vec<[f64; 3]>> {
-        Ok(self.0.iter().map(V::to_host).collect::<Result<Vec<_>>>()?.concat())
+        let lower = self.lower.iter().map(V::to_host).collect::<Result<Vec<_>>>()?;
+        Ok([self.upper.to_host()?, lower.concat()].concat())
     }
 
     fn set_from_host(&mut self, values: &[[f64; 3]]) -> Result<()> {
         if values.len() != self.len() {
             return Err(Error::Shape { what: "a stacked vector", expected: self.len(), got: values.len() });
         }
-        let mut rest = values;
-        for block in &mut self.0 {
+        let (upper, mut rest) = values.split_at(self.upper.len());
+        self.upper.set_from_host(upper)?;
+        for block in &mut self.lower {
             let (mine, others) = rest.split_at(block.len());
             block.set_from_host(mine)?;
             rest = others;

@@ -20,10 +20,9 @@ pub struct Storage {
 }
 
 /// `T` of a problem, wherever it is computed.
-pub trait TransportOperator: LinearOperator<Domain = Self::Vector, Range = Self::Vector> + Sync {
-    /// Vectors that live where it computes.
-    type Vector: Indexed + 'static;
-
+///
+/// Elements and rows may be vectors of different types: rows may be distributed where every place has all elements.
+pub trait TransportOperator: LinearOperator<Domain: Indexed + 'static, Range: 'static> + Sync {
     /// diag(Tᵀ diag(weights) T).
     ///
     /// Errors: [`crate::Error::Shape`] when there is not one weight a row.
@@ -35,20 +34,17 @@ pub trait TransportOperator: LinearOperator<Domain = Self::Vector, Range = Self:
         tiling: &Tiling,
         weights: &[f64],
         added: &[f64],
-    ) -> Result<Box<dyn Metric<Self::Vector>>>;
+    ) -> Result<Box<dyn Metric<Self::Domain>>>;
 
     /// How much of it is kept.
     fn storage(&self) -> Storage;
 }
 
 /// `T` on the processor, whatever its rows are.
-pub type OnHost<F = f32> = Box<
-    dyn TransportOperator<Vector = CpuVector<F>, Domain = CpuVector<F>, Range = CpuVector<F>> + Send + Sync,
->;
+pub type OnHost<F = f32> =
+    Box<dyn TransportOperator<Domain = CpuVector<F>, Range = CpuVector<F>> + Send + Sync>;
 
 impl<O: TransportOperator + ?Sized> TransportOperator for Box<O> {
-    type Vector = O::Vector;
-
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
         (**self).squares(weights)
     }
@@ -58,7 +54,7 @@ impl<O: TransportOperator + ?Sized> TransportOperator for Box<O> {
         tiling: &Tiling,
         weights: &[f64],
         added: &[f64],
-    ) -> Result<Box<dyn Metric<Self::Vector>>> {
+    ) -> Result<Box<dyn Metric<Self::Domain>>> {
         (**self).tile_metric(tiling, weights, added)
     }
 

@@ -60,7 +60,7 @@ pub trait Snapshot {
 }
 
 /// What a problem is to a method.
-pub type SystemOperator<'a, V = CpuVector> = Stacked<'a, V>;
+pub type SystemOperator<'a, V = CpuVector, R = V> = Stacked<'a, V, R>;
 
 /// [`minimize`]s, and hands over what was found as the problem asks for it: a light map, for one, may be filled.
 ///
@@ -170,7 +170,10 @@ pub fn vectors(name: SolverName) -> Vectors {
 }
 
 /// The squared residuals at x, moved into the bounds: what progress is relative to.
-pub fn measure<V: Vector>(problem: &LeastSquares<SystemOperator<V>>, start: &V) -> Result<Measure> {
+pub fn measure<V: Vector, R: Vector>(
+    problem: &LeastSquares<SystemOperator<V, R>>,
+    start: &V,
+) -> Result<Measure> {
     let (mut r, mut g) = (problem.rhs().zeros_like(), start.zeros_like());
     let mut x = start.zeros_like();
     x.copy_from(start);
@@ -188,14 +191,14 @@ pub(super) fn not_finite(elements: &[Rgb]) -> Option<usize> {
     elements.iter().position(|element| !element.iter().all(|value| value.is_finite()))
 }
 
-struct Moment<'a, 'b, V: Indexed> {
-    method: &'a mut (dyn Method<SystemOperator<'b, V>> + 'b),
-    system: &'a System<'b, V>,
+struct Moment<'a, 'b, V: Indexed, R: Vector> {
+    method: &'a mut (dyn Method<SystemOperator<'b, V, R>> + 'b),
+    system: &'a System<'b, V, R>,
     problem: &'a Formulation<'a>,
     is_final: bool,
 }
 
-impl<V: Indexed + 'static> Snapshot for Moment<'_, '_, V> {
+impl<V: Indexed + 'static, R: Vector + 'static> Snapshot for Moment<'_, '_, V, R> {
     fn outline(&mut self) -> (Vec<usize>, Vec<f64>) {
         outline(self.method)
     }

@@ -24,9 +24,9 @@ pub struct Weights {
 ///
 /// Rows of T are divided by the norm of a typical column, so that f32 serves media of any density alike and a λ relative
 /// to the columns is a λ.
-pub struct System<'a, V: Indexed> {
-    operator: Stacked<'a, V>,
-    rhs: Blocks<V>,
+pub struct System<'a, V: Indexed, R = V> {
+    operator: Stacked<'a, V, R>,
+    rhs: Blocks<R, V>,
     start: V,
     bounds: Bounds,
     /// The elements that are unknown: those that a row reaches, unless nothing is skipped.
@@ -41,14 +41,14 @@ pub struct System<'a, V: Indexed> {
     applications: usize,
 }
 
-impl<'a, V: Indexed + 'static> System<'a, V> {
+impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
     /// The system with the weights that the settings ask for. `coverage` is diag(Tᵀ diag(w) T) of this problem.
     ///
     /// Errors: [`Error::Value`] naming a setting or a row's weight, [`Error::Empty`] when no element is reached,
     /// [`Error::Shape`].
     pub fn new(
         problem: &Formulation,
-        operator: &'a impl TransportOperator<Vector = V>,
+        operator: &'a impl TransportOperator<Domain = V, Range = R>,
         coverage: &CpuVector,
         settings: &SolveSettings,
     ) -> Result<Self> {
@@ -73,7 +73,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
     }
 
     /// [W T E; √λᵢ Rᵢ].
-    pub fn operator(&self) -> &Stacked<'a, V> {
+    pub fn operator(&self) -> &Stacked<'a, V, R> {
         &self.operator
     }
 
@@ -93,7 +93,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
     }
 
     /// What a method solves.
-    pub fn problem(&self) -> LeastSquares<'_, Stacked<'a, V>> {
+    pub fn problem(&self) -> LeastSquares<'_, Stacked<'a, V, R>> {
         let problem = LeastSquares::new(&self.operator, &self.rhs).bounded(self.bounds.clone());
         match &self.metric {
             Some(metric) => problem.measured(&**metric),
@@ -131,7 +131,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
 
     fn without_regularization(
         problem: &Formulation,
-        operator: &'a impl TransportOperator<Vector = V>,
+        operator: &'a impl TransportOperator<Domain = V, Range = R>,
         coverage: &CpuVector,
         settings: &SolveSettings,
     ) -> Result<Self> {
@@ -175,7 +175,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         }
         Ok(Self {
             operator,
-            rhs: Blocks(vec![targets]),
+            rhs: Blocks::new(targets, Vec::new()),
             start,
             bounds,
             columns,
@@ -270,12 +270,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
                 self.operator = self.operator.over(Scaled::new(sums, root(laplacian)))?;
             }
         }
-        for block in 1..self.operator.blocks() {
-            let operator = self.operator.block(block);
-            let mut pulled = operator.range();
-            operator.apply(&self.start, &mut pulled)?;
-            self.rhs.0.push(pulled);
-        }
+        self.rhs.lower = self.operator.below(&self.start)?;
         Ok(self)
     }
 
@@ -283,7 +278,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
     fn measure(
         &mut self,
         problem: &Formulation,
-        operator: &impl TransportOperator<Vector = V>,
+        operator: &impl TransportOperator<Domain = V, Range = R>,
         coverage: &CpuVector,
         settings: &SolveSettings,
         regularizers: &Regularizers<V>,
@@ -361,11 +356,11 @@ impl<V: Indexed> Regularizers<V> {
 }
 
 /// The data's rows, each times the root of its weight, and their targets likewise.
-fn weighted<'a, V: Indexed + 'static>(
-    operator: impl LinearOperator<Domain = V, Range = V> + Send + Sync + 'a,
-    factors: V,
+fn weighted<'a, V: Indexed + 'static, R: Vector + 'static>(
+    operator: impl LinearOperator<Domain = V, Range = R> + Send + Sync + 'a,
+    factors: R,
     targets: &[Rgb],
-) -> Result<(Stacked<'a, V>, V)> {
+) -> Result<(Stacked<'a, V, R>, R)> {
     let weighted = Weighted::new(operator, factors)?;
     let mut targets = brought(weighted.range(), targets)?;
     weighted.weigh(&mut targets);

@@ -23,6 +23,7 @@ mod render;
 #[path = "../scenes/mod.rs"]
 mod scenes;
 mod solve;
+mod split_rows;
 mod surroundings;
 mod threads;
 mod tolerances;

@@ -117,8 +117,6 @@ fn light_volumes_on(
 }
 
 impl TransportOperator for LightVolumes {
-    type Vector = CpuVector;
-
     fn squares(&self, weights: &CpuVector) -> Result<CpuVector> {
         TransportOperator::squares(&self.rows, weights)
     }

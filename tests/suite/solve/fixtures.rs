@@ -102,7 +102,7 @@ fn each(mut check: impl FnMut(&str, &Variant, &CpuVector<f64>, [f64; 3])) {
             let mut pulled = x0.clone();
             pulled.scale(root);
             let stacked = Stacked::new(weighted).over(Identity::scaled(&x0, root)).unwrap();
-            let rhs = Blocks(vec![b, pulled]);
+            let rhs = Blocks::new(b, vec![pulled]);
             // The transport has no negative weight.
             let (mut ones, mut sums) = (stacked.domain(), stacked.range());
             ones.fill([1.0; 3]);

@@ -19,7 +19,7 @@ proptest! {
         let (dense, b) = (Dense::new(matrix.clone()), rhs(rows, seed));
         let pull = Identity::scaled(&dense.domain(), [lambda.sqrt(); 3]);
         let stacked = Stacked::new(&dense).over(pull).unwrap();
-        let right = Blocks(vec![b.clone(), dense.domain()]);
+        let right = Blocks::new(b.clone(), vec![dense.domain()]);
         let normal = matrix.transpose() * &matrix + DMatrix::identity(columns, columns) * lambda;
         let truth: Vec<DVector<f64>> = (0..3).map(|c| {
             let right = matrix.transpose() * DVector::from_iterator(rows, b.0.iter().map(|b| b[c]));

@@ -41,7 +41,7 @@ fn the_discrepancy_principle_stops_at_the_noise_of_the_data() {
     let level = noise.norm_squared().unwrap().map(|square| 0.09 * square);
     let pull = Identity::scaled(&truth, [0.1; 3]);
     let stacked = Stacked::new(&dense).over(pull).unwrap();
-    let right = Blocks(vec![b.clone(), dense.domain()]);
+    let right = Blocks::new(b.clone(), vec![dense.domain()]);
     let problem = LeastSquares::new(&stacked, &right);
     let limits = Limits { discrepancy: Some(level), ..Limits::new(500, 1e-10) };
     // One that keeps the residual, and one for which it is computed.
@@ -175,7 +175,7 @@ fn a_ripple_of_momentum_is_no_stagnation() {
     let dense = Dense::new(random_matrix(rows, columns, seed));
     let (pull, b) = (Identity::scaled(&dense.domain(), [f64::powi(2.0, -6).sqrt(); 3]), rhs(rows, seed));
     let stacked = Stacked::new(&dense).over(pull).unwrap();
-    let right = Blocks(vec![b, dense.domain()]);
+    let right = Blocks::new(b, vec![dense.domain()]);
     let mut method = Fista::new(&stacked);
     let problem = LeastSquares::new(&stacked, &right);
     let outcome = run(&mut method, &problem, &dense.domain(), &Limits::new(8000, 1e-11));
