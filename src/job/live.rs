@@ -4,11 +4,16 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 
-use super::Job;
+use super::engine::{Engine, On};
 use super::memory::Memory;
 use super::observer::Stop;
+use super::{Job, Options};
+#[cfg(feature = "gpu")]
+use crate::gpu::GpuOperator;
 use crate::operator::{CpuVector, OnHost, TransportOperator};
-use crate::problem::{Begin, LightMapProblem, Paused, Problem, Traced, fit, minimize, paint, pixels, render};
+use crate::problem::{
+    Begin, LightMapProblem, Paused, Problem, Solved, Traced, fit, minimize, paint, pixels, render,
+};
 use crate::scene::{Image, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View};
 use crate::solve::StopReason;
 use crate::visibility::Geometry;
@@ -43,6 +48,9 @@ pub struct Standing {
 /// Rows of all pixels of all views are kept; a change of strokes changes weights and targets only. Points and radii of strokes are in pixels
 /// of the full pictures.
 ///
+/// They are kept where the job computes, the processor or an adapter; where an adapter fails that the processor may take the place of, it
+/// does so from the light map as it is.
+///
 /// Memory  8 bytes a non-zero of all pixels of the previews
 /// Law     ends where a solve from x₀ ends: the least of the same objective, since x₀ stays the centre of the pull
 pub struct LiveJob {
@@ -52,7 +60,10 @@ pub struct LiveJob {
     scales: Vec<f32>,
     settings: SolveSettings,
     problem: LightMapProblem,
-    operator: OnHost,
+    engine: Engine,
+    warm: Warm,
+    memory: Memory,
+    deterministic: bool,
     /// All elements as they are.
     x: Vec<Rgb>,
     /// The method where it was left, until something changes.
@@ -62,11 +73,27 @@ pub struct LiveJob {
     stop: Stop,
 }
 
+/// T of all pixels, where it is kept.
+enum Warm {
+    Cpu(OnHost),
+    #[cfg(feature = "gpu")]
+    Gpu(Box<GpuOperator>),
+}
+
+/// What some iterations have come to.
+struct Went {
+    solved: Solved,
+    /// Where the method was left, and the coverage it goes on with.
+    left: Option<(Paused, CpuVector)>,
+    is_new: bool,
+}
+
 impl LiveJob {
     /// Errors: [`Error::Empty`] for a scene without a light map, or where light reaches no pixel; [`Error::TooLarge`] where the rows of all
     /// pixels do not fit.
     pub(super) fn new(job: Job, preview: Preview) -> Result<Self> {
-        let stop = job.options.stop.clone();
+        let Options { stop, engine, deterministic, .. } = job.options.clone();
+        let mut engine = Engine::open(&engine, &stop)?;
         let mut scene = job.into_light_map()?;
         // Where the maps lie is found once, at the full size, from what is painted at first.
         let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
@@ -82,9 +109,23 @@ impl LiveJob {
         let problem = LightMapProblem::of(&scene, &geometry, pixels(&scene)?, &Traced)?;
         let memory = Memory::of_light_map(&scene);
         let settings = memory.settled(scene.solve.clone(), &problem)?;
-        let operator = problem.on_cpu(settings.strategy, memory.budget(&settings, &problem)?)?;
+        let warm = engine
+            .run(None, false, None, |on, _| Warm::new(&problem, on, (&settings, &memory), deterministic))?;
         let x = problem.starts();
-        Ok(Self { scene, scales, settings, problem, operator, x, paused: None, set_up: 0, stop })
+        Ok(Self {
+            scene,
+            scales,
+            settings,
+            problem,
+            engine,
+            warm,
+            memory,
+            deterministic,
+            x,
+            paused: None,
+            set_up: 0,
+            stop,
+        })
     }
 
     /// The names of the views.
@@ -164,27 +205,21 @@ impl LiveJob {
                 remedy: "paint a stroke on a view",
             });
         }
-        let resumed = self.paused.take();
-        let is_new = resumed.is_none();
-        let coverage = match &resumed {
-            Some((_, coverage)) => coverage.clone(),
-            None => self.operator.squares(&self.problem.weights())?,
-        };
-        let before = resumed.as_ref().map_or(0, |(paused, _)| paused.history.progress.len() - 1);
-        let settings = SolveSettings { iterations: before + iterations, ..self.settings.clone() };
-        let begin = match resumed {
-            Some((paused, _)) => Begin::Resumed(paused),
-            None => Begin::At(&self.x),
-        };
-        let (stop, mut left) = (&self.stop, None);
-        let formulation = self.problem.formulation(&settings)?;
-        let solved =
-            minimize(&formulation, &self.operator, &coverage, &settings, begin, |history, snapshot| {
-                if snapshot.is_final() {
-                    left = Some(Paused { history: history.clone(), state: snapshot.state()? });
-                }
-                Ok(stop.control())
-            })?;
+        let mut engine = std::mem::replace(&mut self.engine, Engine::Cpu);
+        let went = engine.run(None, false, None, |on, _| {
+            if matches!(on, On::Cpu) && !matches!(self.warm, Warm::Cpu(_)) {
+                let how = (&self.settings, &self.memory);
+                self.warm = Warm::new(&self.problem, on, how, self.deterministic)?;
+            }
+            let resumed = self.paused.take();
+            match &self.warm {
+                Warm::Cpu(operator) => self.go_on(operator, resumed, iterations),
+                #[cfg(feature = "gpu")]
+                Warm::Gpu(operator) => self.go_on(&**operator, resumed, iterations),
+            }
+        });
+        self.engine = engine;
+        let Went { solved, left, is_new } = went?;
         let outcome = &solved.outcome;
         if is_new {
             // The squares of the weights are a pass over the rows, as an application is.
@@ -203,8 +238,34 @@ impl LiveJob {
             self.stop.withdraw();
         }
         self.x = solved.x;
-        self.paused = left.map(|left| (left, coverage));
+        self.paused = left;
         Ok(standing)
+    }
+
+    fn go_on(
+        &self,
+        operator: &impl TransportOperator,
+        resumed: Option<(Paused, CpuVector)>,
+        iterations: usize,
+    ) -> Result<Went> {
+        let is_new = resumed.is_none();
+        let (begin, before, coverage) = match resumed {
+            Some((paused, coverage)) => {
+                let before = paused.history.progress.len() - 1;
+                (Begin::Resumed(paused), before, coverage)
+            }
+            None => (Begin::At(&self.x), 0, operator.squares(&self.problem.weights())?),
+        };
+        let settings = SolveSettings { iterations: before + iterations, ..self.settings.clone() };
+        let formulation = self.problem.formulation(&settings)?;
+        let mut left = None;
+        let solved = minimize(&formulation, operator, &coverage, &settings, begin, |history, snapshot| {
+            if snapshot.is_final() {
+                left = Some(Paused { history: history.clone(), state: snapshot.state()? });
+            }
+            Ok(self.stop.control())
+        })?;
+        Ok(Went { solved, left: left.map(|left| (left, coverage)), is_new })
     }
 
     /// The picture of a view under the light map as it is.
@@ -237,6 +298,26 @@ impl LiveJob {
     fn view(&self, name: &str) -> Result<usize> {
         let index = self.scene.views.iter().position(|view| view.name == name);
         index.ok_or_else(|| Error::value("view", name, "the name of one of the scene's views"))
+    }
+}
+
+impl Warm {
+    fn new(
+        problem: &LightMapProblem,
+        on: On,
+        (settings, memory): (&SolveSettings, &Memory),
+        deterministic: bool,
+    ) -> Result<Self> {
+        let budget = memory.budget(settings, problem)?;
+        #[cfg(not(feature = "gpu"))]
+        let _only_of_adapters = deterministic;
+        Ok(match on {
+            On::Cpu => Self::Cpu(problem.on_cpu(settings.strategy, budget)?),
+            #[cfg(feature = "gpu")]
+            On::Gpu(gpu) => {
+                Self::Gpu(Box::new(problem.on_gpu(&gpu, settings.strategy, budget, deterministic)?))
+            }
+        })
     }
 }
 
