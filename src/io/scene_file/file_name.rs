@@ -111,3 +111,71 @@ fn relative(from: &Path, name: &str, to: &Path) -> Option<String> {
     let parts: Option<Vec<&str>> = parts.map(|part| part.as_os_str().to_str()).collect();
     Some(parts?.join("/"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_moved_name_is_the_same_file() {
+        let desk = tempfile::tempdir().unwrap();
+        let at = |name: &str| desk.path().join(name);
+        for folder in ["scenes/hall", "art/walls", "out/hall", "elsewhere"] {
+            std::fs::create_dir_all(at(folder)).unwrap();
+        }
+        for file in ["scenes/hall/a.png", "scenes/b.png", "art/walls/c.png"] {
+            std::fs::write(at(file), file).unwrap();
+        }
+        let absolute = at("art/walls/c.png").to_str().unwrap().to_owned();
+        let mut rows = vec![
+            ("scenes/hall", "a.png", "out/hall", "../../scenes/hall/a.png"),
+            ("scenes/hall", "./a.png", "scenes/hall", "a.png"),
+            ("scenes/hall", "../b.png", "scenes", "b.png"),
+            ("scenes/hall", "../../art/walls/c.png", "out/hall", "../../art/walls/c.png"),
+            ("scenes/hall", "../.././art/../art/walls/c.png", "out/hall", "../../art/../art/walls/c.png"),
+            ("scenes/hall", &absolute, "out/hall", &absolute),
+        ];
+        #[cfg(unix)]
+        {
+            // `..` leads out of where a link points to, and not to where it stands.
+            std::os::unix::fs::symlink(at("scenes/hall"), at("elsewhere/link")).unwrap();
+            std::os::unix::fs::symlink(at("out/hall"), at("link")).unwrap();
+            rows.push(("elsewhere/link", "../b.png", "link", "../../scenes/b.png"));
+        }
+        for (from, name, to, expected) in rows {
+            let (from, to) = (at(from), at(to));
+            let moved = FileName::from(name).moved(&from, &to).unwrap();
+            assert_eq!(moved.to_string(), expected);
+            let file =
+                |folder: &Path, name: &FileName| name.in_folder(folder).unwrap().canonicalize().unwrap();
+            assert_eq!(file(&to, &moved), file(&from, &FileName::from(name)));
+        }
+        // Where nothing but the root is common, and where nobody knows, a name is absolute.
+        for to in ["/", "/no/such/folder"] {
+            let moved = FileName::from("a.png").moved(&at("scenes/hall"), Path::new(to)).unwrap();
+            assert_eq!(Path::new(&moved.to_string()), at("scenes/hall/a.png"));
+        }
+        assert!(FileName::from("").moved(desk.path(), desk.path()).is_err());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_name_that_is_no_unicode_is_refused() {
+        use std::os::unix::ffi::OsStrExt;
+        let desk = tempfile::tempdir().unwrap();
+        let strange = desk.path().join(std::ffi::OsStr::from_bytes(b"\xff"));
+        let below = strange.join("out");
+        std::fs::create_dir_all(&below).unwrap();
+        assert_eq!(FileName::from("a.png").moved(&strange, &below).unwrap().to_string(), "../a.png");
+        assert!(FileName::from("a.png").moved(&strange, desk.path()).is_err());
+    }
+
+    #[test]
+    fn numbers_stand_in_the_own_name_of_a_file() {
+        let numbered = |name: &str| FileName::from(name).numbered(7).to_string();
+        assert_eq!(numbered("smoke_###.vdb"), "smoke_007.vdb");
+        assert_eq!(numbered("c#/smoke_##_#.vdb"), "c#/smoke_07_#.vdb");
+        assert_eq!(numbered("c#/smoke.vdb"), "c#/smoke.vdb");
+        assert!(FileName::from("smoke_#.vdb").is_numbered() && !FileName::from("c#/smoke.vdb").is_numbered());
+    }
+}

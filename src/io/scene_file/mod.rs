@@ -2,7 +2,7 @@
 //!
 //! A text becomes JSON values (`read`), overrides are put into them (`overrides`), they become a
 //! [`Document`], and the document becomes a [`Scene`]. Whatever goes wrong on the way is told with file, line,
-//! column and path (`source`).
+//! column and path (`source`). A [`Resolved`] document has every setting, defaults included.
 
 mod assets;
 mod channels;

@@ -3,6 +3,9 @@
 //! Most defaults stand in the schema; those that depend on other settings are put in by the documents themselves (`settle`).
 //! The schema also tells which strings name files.
 
+#[cfg(test)]
+mod tests;
+
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
