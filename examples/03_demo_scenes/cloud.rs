@@ -81,7 +81,7 @@ pub(crate) fn write(folder: &Path) -> Result<VolumeDocument, Box<dyn Error>> {
     document.name = Some("Cloud".to_owned());
     document.lights.push(sun([-0.5, -0.6, -0.8], [5.0, 4.6, 4.1]));
     document.environment = Some(Environment {
-        file: Some("cloud_sky.png".to_owned()),
+        file: Some("cloud_sky.png".into()),
         directions: Some(32),
         ..Environment::default()
     });

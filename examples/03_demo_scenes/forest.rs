@@ -57,7 +57,7 @@ pub(crate) fn document() -> Document {
     far_canopy(&mut stage);
     document.occluders = stage.occluders;
     document.occluders.push(Occluder::Gltf(GltfMesh {
-        file: "forest.glb".to_owned(),
+        file: "forest.glb".into(),
         node: None,
         to_world: None,
     }));

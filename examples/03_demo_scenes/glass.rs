@@ -52,8 +52,8 @@ pub(crate) fn write(folder: &Path) -> Result<VolumeDocument, Box<dyn Error>> {
         canvas::write(&folder.join(&file), [SIDE; 2], |p| card.ink(p))?;
         let camera = camera(card.origin, [0.0; 3], (12.0, FovAxis::Y), [SIDE; 2]);
         views.push(VolumeView {
-            picture: Some(file),
-            mask: Some("glass_mask.png".to_owned()),
+            picture: Some(file.into()),
+            mask: Some("glass_mask.png".into()),
             ..VolumeView::new(card.name, camera)
         });
     }

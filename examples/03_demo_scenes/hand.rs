@@ -45,7 +45,7 @@ pub(crate) fn write(folder: &Path) -> Result<VolumeDocument, Box<dyn Error>> {
     canvas::write(&folder.join("hand_side.png"), [SIDE; 2], star)?;
     let view = |name: &str, origin: [f64; 3]| {
         let camera = camera(origin, [0.0, -0.05, 0.0], (33.0, FovAxis::Y), [SIDE; 2]);
-        VolumeView { layers: vec![format!("hand_{name}.png")], ..VolumeView::new(name, camera) }
+        VolumeView { layers: vec![format!("hand_{name}.png").into()], ..VolumeView::new(name, camera) }
     };
     let front = VolumeView { strokes: iris(), ..view("front", [0.0, -0.05, 3.6]) };
     let views = vec![front, view("side", [3.6, -0.05, 0.0])];

@@ -33,7 +33,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::io::scene_file::{self, AnimatedVolume, Subject};
+use crate::io::scene_file::{self, Animated, AnimatedVolume, Document, Resolved, Subject, VolumeDocument};
 use crate::io::volume::Format;
 use crate::problem::{fit, render};
 use crate::scene::{Scene, VolumeScene};
@@ -138,6 +138,8 @@ impl Default for Options {
 #[derive(Debug, Clone)]
 pub struct Job {
     scenes: Scenes,
+    /// What the scene file asked for, where there is one.
+    resolved: Option<Arc<Resolved>>,
     options: Options,
     /// Seconds that reading took.
     timings: Timings,
@@ -157,34 +159,34 @@ impl Job {
     /// Errors: as [`Self::open`]; [`crate::Error::Value`] for a path that names nothing.
     pub fn open_with(path: impl AsRef<Path>, overrides: &[String]) -> Result<Self> {
         let (path, clock) = (path.as_ref(), Instant::now());
-        let scenes: Scenes = match scene_file::subject(path)? {
+        let (scenes, resolved): (Scenes, Resolved) = match scene_file::subject(path)? {
             Subject::LightMap => {
-                let scene = scene_file::load(path, overrides)?;
+                let (scene, resolved) = scene_file::open::<Document>(path, overrides)?;
                 tracing::info!(name = scene.name, views = scene.views.len(), "scene");
                 memory::check_scene(&scene)?;
-                scene.into()
+                (scene.into(), resolved)
             }
             Subject::Volume => {
-                let scene = scene_file::load_volume(path, overrides)?;
+                let (scene, resolved) = scene_file::open::<VolumeDocument>(path, overrides)?;
                 tracing::info!(name = scene.name, views = scene.views.len(), "scene");
                 memory::check_volume(&scene)?;
-                scene.into()
+                (scene.into(), resolved)
             }
             Subject::Animation => {
-                let animated = scene_file::load_animation(path, overrides)?;
+                let (animated, resolved) = scene_file::open::<Animated>(path, overrides)?;
                 let keys = &animated.animation.keys;
                 tracing::info!(keys = keys.len(), frames = animated.animation.frames, "animation");
                 memory::check_keys(keys)?;
-                animated.into()
+                (animated.into(), resolved)
             }
         };
         let reading = ("reading".to_owned(), clock.elapsed().as_secs_f64());
-        Ok(Self { timings: vec![reading], ..Self::new(scenes) })
+        Ok(Self { resolved: Some(Arc::new(resolved)), timings: vec![reading], ..Self::new(scenes) })
     }
 
-    /// From a scene that is there already.
+    /// From a scene that is there already; there is no [`Self::resolved`] document of it.
     pub fn new(scenes: impl Into<Scenes>) -> Self {
-        Self { scenes: scenes.into(), options: Options::default(), timings: Timings::new() }
+        Self { scenes: scenes.into(), resolved: None, options: Options::default(), timings: Timings::new() }
     }
 
     /// The same with other options.
@@ -200,6 +202,11 @@ impl Job {
     /// What it starts from, alone.
     pub(crate) fn into_scenes(self) -> Scenes {
         self.scenes
+    }
+
+    /// What the scene file asked for, with every setting; none of a scene that came without a file.
+    pub fn resolved(&self) -> Option<&Resolved> {
+        self.resolved.as_deref()
     }
 
     /// The scene of a light map.

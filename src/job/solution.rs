@@ -12,6 +12,7 @@ use super::observer::{Observer, Quiet};
 use super::steps::{Steps, Timings};
 use super::volume::{self, FoundAnimation, FoundVolume};
 use super::{Job, Options, Scenes};
+use crate::io::scene_file::Resolved;
 use crate::problem::{LightMapProblem, VolumeState, render};
 use crate::report::{self, Certificate, Coverage, Report};
 use crate::scene::{Image, Scene, VolumeScene};
@@ -27,6 +28,8 @@ enum Found {
 /// What a job has found: a light map or a volume, what it looks like, and how sure that is.
 pub struct Solution {
     found: Found,
+    /// What the scene file asked for, where there is one.
+    resolved: Option<Arc<Resolved>>,
     options: Options,
     /// Where checkpoints went while it was looked for.
     folder: Option<Folder>,
@@ -73,7 +76,8 @@ impl Solution {
         };
         let timings = steps.finish();
         let report = found.report(&timings)?;
-        Ok(Self { found, options: options.clone(), folder, report, timings })
+        let resolved = job.resolved.clone();
+        Ok(Self { found, resolved, options: options.clone(), folder, report, timings })
     }
 
     /// The light map of a sun, row 0 its top edge as seen upright from the sun.
@@ -159,6 +163,9 @@ impl Solution {
 
     /// Writes all results into a folder, each whole or not at all; of an animation the frames are drawn now.
     ///
+    /// What was asked lies with them as `scene.resolved.json`, a scene file with every setting, defaults included, which gives the same
+    /// results. A job from a scene in memory has none.
+    ///
     /// Errors: [`Error::File`]; [`Error::NonFinite`].
     pub fn write(&self, folder: impl AsRef<Path>) -> Result<Written> {
         self.write_observed(folder, &mut Quiet)
@@ -191,6 +198,9 @@ impl Solution {
         }
         folder.write_bytes("report.json", report.to_json()?.as_bytes())?;
         folder.write_bytes("report.html", report::html(&report, &in_page)?.as_bytes())?;
+        if let Some(resolved) = &self.resolved {
+            write_resolved(resolved, folder)?;
+        }
         folder.publish()?;
         Ok(Written { folder: path.to_owned(), report, is_interrupted })
     }
@@ -198,6 +208,17 @@ impl Solution {
     /// Seconds until it was found.
     fn total(&self) -> f64 {
         self.timings.iter().map(|(_, seconds)| seconds).sum()
+    }
+}
+
+/// Writes what was asked. Where a file has a name that JSON cannot hold it is left out: the results are worth more.
+fn write_resolved(resolved: &Resolved, folder: &Folder) -> Result<()> {
+    match resolved.text_in(folder.path()) {
+        Ok(text) => folder.write_bytes("scene.resolved.json", text.as_bytes()),
+        Err(error) => {
+            tracing::warn!("scene.resolved.json is left out: {error}");
+            Ok(())
+        }
     }
 }
 

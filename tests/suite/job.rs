@@ -2,9 +2,9 @@
 
 use unscatter::Error;
 use unscatter::job::{
-    Iteration, Job, LiveJob, Observer, Options, Preview, Quiet, Solution, Step, Stop, Wish,
+    Iteration, Job, LiveJob, Observer, Options, Preview, Quiet, Scenes, Solution, Step, Stop, Wish,
 };
-use unscatter::scene::Stroke;
+use unscatter::scene::{Scene, Stroke};
 use unscatter::solve::StopReason;
 
 use crate::root;
@@ -84,6 +84,21 @@ fn a_solution_has_its_light_map_pictures_and_files() {
     let read = |name: &str| unscatter::io::image::read_image(&folder.path().join(name)).unwrap();
     assert_eq!(read("light_map.exr").pixels, found.light_map().unwrap().pixels);
     assert_eq!(read("court_after.exr").pixels, court.pixels);
+    let asked = Job::open(folder.path().join("scene.resolved.json")).unwrap();
+    assert_eq!(
+        asked.solve(&mut Quiet).unwrap().light_map().unwrap().pixels,
+        found.light_map().unwrap().pixels
+    );
+
+    // A scene in memory has no document.
+    let job = citadel(&SMALL);
+    let Scenes::LightMap(scene) = job.scenes() else { unreachable!() };
+    let folder = tempfile::tempdir().unwrap();
+    let bare = Options { pictures: false, ..Options::default() };
+    Job::new(Scene::clone(scene)).with(bare).solve(&mut Quiet).unwrap().write(folder.path()).unwrap();
+    assert!(
+        folder.path().join("report.json").is_file() && !folder.path().join("scene.resolved.json").exists()
+    );
 
     // Without pictures there is the same light map, and none of them.
     let bare = Options { pictures: false, ..Options::default() };

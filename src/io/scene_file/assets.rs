@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use crate::Result;
 use crate::io::gltf::{GltfCamera, GltfScene};
 use crate::io::transforms::Shot;
 use crate::io::volume::Stored;
 use crate::io::{image, obj, transforms, volume};
 use crate::scene::{Image, Mesh, Rgb, RgbaImage};
-use crate::{Error, Result};
 
+use super::file_name::FileName;
 use super::light::GltfNode;
 
 /// Reads files relative to a scene file.
@@ -34,7 +35,7 @@ impl Assets {
     }
 
     /// A glTF camera.
-    pub(super) fn camera(&mut self, file: &str, node: &str) -> Result<GltfCamera> {
+    pub(super) fn camera(&mut self, file: &FileName, node: &str) -> Result<GltfCamera> {
         self.scene(file)?.camera(node)
     }
 
@@ -44,36 +45,47 @@ impl Assets {
     }
 
     /// Triangles of an OBJ file.
-    pub(super) fn obj_mesh(&self, file: &str) -> Result<Mesh> {
+    pub(super) fn obj_mesh(&self, file: &FileName) -> Result<Mesh> {
         obj::load(&self.path(file)?)
     }
 
     /// A painted layer.
-    pub(super) fn layer(&self, file: &str) -> Result<RgbaImage> {
+    pub(super) fn layer(&self, file: &FileName) -> Result<RgbaImage> {
         image::read_layer(&self.path(file)?)
     }
 
     /// A picture that a view should show, with the weights of its pixels: its alpha, or 1.
-    pub(super) fn target(&self, file: &str) -> Result<RgbaImage> {
+    pub(super) fn target(&self, file: &FileName) -> Result<RgbaImage> {
         image::read_target(&self.path(file)?)
     }
 
     /// A picture without weights.
-    pub(super) fn image(&self, file: &str) -> Result<Image> {
+    pub(super) fn image(&self, file: &FileName) -> Result<Image> {
         image::read_image(&self.path(file)?)
     }
 
     /// A volume.
-    pub(super) fn volume(&self, file: &str, member: Option<&str>) -> Result<Stored> {
+    pub(super) fn volume(&self, file: &FileName, member: Option<&str>) -> Result<Stored> {
         volume::read(&self.path(file)?, member)
     }
 
-    /// Cameras and pictures of a `transforms.json`.
-    pub(super) fn shots(&self, file: &str) -> Result<Vec<Shot>> {
+    /// Cameras of a `transforms.json`, each with the picture that it took and, where there is one, its mask. Names in that file are
+    /// relative to it.
+    pub(super) fn shots(&self, file: &FileName) -> Result<Vec<Shot>> {
         transforms::read(&self.path(file)?)
     }
 
-    fn scene(&mut self, file: &str) -> Result<&GltfScene> {
+    /// The picture of a shot.
+    pub(super) fn shot_picture(shot: &Shot) -> Result<RgbaImage> {
+        image::read_target(&shot.file)
+    }
+
+    /// The mask of a shot.
+    pub(super) fn shot_mask(shot: &Shot) -> Result<Option<Image>> {
+        shot.mask.as_deref().map(image::read_image).transpose()
+    }
+
+    fn scene(&mut self, file: &FileName) -> Result<&GltfScene> {
         use std::collections::hash_map::Entry;
         let path = self.path(file)?;
         match self.scenes.entry(path) {
@@ -85,10 +97,7 @@ impl Assets {
         }
     }
 
-    fn path(&self, file: &str) -> Result<PathBuf> {
-        if file.is_empty() {
-            return Err(Error::value("", "an empty name", "a file, relative to the scene file"));
-        }
-        Ok(self.folder.join(file))
+    fn path(&self, file: &FileName) -> Result<PathBuf> {
+        file.in_folder(&self.folder)
     }
 }

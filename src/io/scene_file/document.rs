@@ -45,24 +45,30 @@ pub struct Document {
     pub surroundings: Option<Surroundings>,
     /// What casts shadows and what the views see; nothing for open air.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(!skip_serializing_if)]
     pub occluders: Vec<Occluder>,
     /// Cameras and what is painted on their pictures; at least one.
     #[schemars(length(min = 1))]
     pub views: Vec<View>,
     /// The light map that is looked for.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub light_map: LightMap,
     /// The shadow map of the light.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub shadow_map: ShadowMap,
     /// What a painted colour asks for.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub target: Target,
     /// Stops by which PNG pictures are brightened, from −64 to 64.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub exposure: f64,
     /// How the problem is solved.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub solve: Solve,
 }
 
@@ -133,6 +139,15 @@ impl Document {
             solve,
             exposure,
         })
+    }
+
+    /// Puts in the settings that are not given and that the schema has no default for.
+    pub(super) fn settle(&mut self, file: &Path) {
+        self.schema = None;
+        self.name.get_or_insert_with(|| stem(file));
+        self.light.settle();
+        self.surroundings.iter_mut().for_each(Surroundings::settle);
+        self.views.iter_mut().for_each(|view| view.camera.settle());
     }
 
     fn build_views(&self, assets: &mut Assets) -> Built<Vec<scene::View>> {

@@ -7,7 +7,7 @@ use super::path::shown;
 
 /// What is wrong, and where inside the part of the document that is being looked at.
 #[derive(Debug)]
-pub(super) enum Flaw {
+pub(crate) enum Flaw {
     /// The document is at fault.
     Document {
         /// Path from the part that is being looked at.
@@ -20,7 +20,7 @@ pub(super) enum Flaw {
 }
 
 /// The result of turning a part of a document into a part of a scene.
-pub(super) type Built<T> = Result<T, Flaw>;
+pub(crate) type Built<T> = Result<T, Flaw>;
 
 impl Flaw {
     /// A flaw at `path`, which is empty for the part itself.

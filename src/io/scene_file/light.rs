@@ -8,6 +8,7 @@ use crate::scene::{DirectionalLight, Rgb};
 
 use super::assets::Assets;
 use super::channels::Channels;
+use super::file_name::FileName;
 use super::flaw::{At, Built, Flaw};
 
 /// A directional light: a `direction`, or a sun from a glTF file.
@@ -31,7 +32,7 @@ pub struct Light {
 #[serde(deny_unknown_fields)]
 pub struct GltfNode {
     /// The .gltf or .glb file, relative to the scene file.
-    pub file: String,
+    pub file: FileName,
     /// Name of the node; when not given, whatever of the wanted kind the file holds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub node: Option<String>,
@@ -49,6 +50,13 @@ impl Light {
         };
         let radiance = self.radiance.map(|radiance| radiance.rgb("radiance", f32::MAX)).transpose()?;
         Ok(DirectionalLight::new(direction, radiance.unwrap_or(color))?)
+    }
+
+    /// Puts in the settings that are not given; the colour of a glTF sun stays in its file.
+    pub(super) fn settle(&mut self) {
+        if self.direction.is_some() {
+            self.radiance.get_or_insert(Channels::Grey(1.0));
+        }
     }
 }
 

@@ -2,11 +2,12 @@
 //!
 //! A text becomes JSON values (`read`), overrides are put into them (`overrides`), they become a
 //! [`Document`], and the document becomes a [`Scene`]. Whatever goes wrong on the way is told with file, line,
-//! column and path (`source`).
+//! column and path (`source`). A [`Resolved`] document has every setting, defaults included.
 
 mod assets;
 mod channels;
 mod document;
+mod file_name;
 mod flaw;
 mod light;
 mod locate;
@@ -16,6 +17,7 @@ mod occluder;
 mod overrides;
 mod path;
 mod read;
+mod resolved;
 mod size;
 mod solve;
 mod source;
@@ -38,10 +40,12 @@ use crate::{Error, Result};
 
 pub use channels::{Channels, Paint, Scale};
 pub use document::{Document, Target};
+pub use file_name::FileName;
 pub use light::{GltfNode, Light};
 pub use map::{Basis, Extent, LightMap, MapSize, ShadowMap};
 pub use medium::Medium;
 pub use occluder::{BoxShape, CylinderShape, GltfMesh, ObjMesh, Occluder, PlaneShape, SphereShape};
+pub use resolved::Resolved;
 pub use size::{MemorySize, parse_size};
 pub use solve::{MetricName, Quadrature, Skip, Solve, Solver, Strategy};
 pub use surroundings::{Sky, Surroundings};
@@ -72,22 +76,30 @@ use wording::About;
 /// [`Error::File`] and [`Error::TooLarge`] when the scene file cannot be read or is larger than 64 MiB;
 /// [`Error::Value`] for an override that is not of that form.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Scene> {
-    scene_from_bytes(&read::bytes(path)?, path, overrides)
+    Ok(open::<Document>(path, overrides)?.0)
 }
 
 /// Reads a scene file that describes a volume, and everything that it names; of an animation the first key frame.
 ///
 /// Errors: as [`load`].
 pub fn load_volume(path: &Path, overrides: &[String]) -> Result<VolumeScene> {
-    let bytes = read::bytes(path)?;
-    scene_of::<VolumeDocument>(&bytes, path, overrides)
+    Ok(open::<VolumeDocument>(path, overrides)?.0)
 }
 
 /// Reads a scene file that describes a volume with an animation, and everything that it names.
 ///
 /// Errors: as [`load`].
 pub fn load_animation(path: &Path, overrides: &[String]) -> Result<AnimatedVolume> {
-    scene_of::<Animated>(&read::bytes(path)?, path, overrides)
+    Ok(open::<Animated>(path, overrides)?.0)
+}
+
+/// Reads a scene file of a kind, and everything that it names: the scene, and the document with every setting.
+///
+/// Errors: as [`load`].
+pub(crate) fn open<D: Describes>(path: &Path, overrides: &[String]) -> Result<(D::Scene, Resolved)> {
+    let (scene, mut document) = scene_of::<D>(&read::bytes(path)?, path, overrides)?;
+    document.settle(path);
+    Ok((scene, Resolved::new(&document, D::SUBJECT, path)?))
 }
 
 /// The scene of a text, as [`load`] reads it from a file; `name` stands for the file in messages and titles.
@@ -101,7 +113,7 @@ pub fn parse(text: &str, name: &str, overrides: &[String]) -> Result<Scene> {
 ///
 /// Errors: as [`parse`].
 pub fn parse_volume(text: &str, name: &str, overrides: &[String]) -> Result<VolumeScene> {
-    scene_of::<VolumeDocument>(text.as_bytes(), Path::new(name), overrides)
+    Ok(scene_of::<VolumeDocument>(text.as_bytes(), Path::new(name), overrides)?.0)
 }
 
 /// What a scene file is about, as far as can be told from its outermost fields.
@@ -128,38 +140,58 @@ pub fn subject(path: &Path) -> Result<Subject> {
 }
 
 /// A kind of scene file.
-trait Describes: serde::de::DeserializeOwned {
+pub(crate) trait Describes: serde::de::DeserializeOwned + serde::Serialize {
+    /// What it describes.
     type Scene;
+    const SUBJECT: Subject;
 
     fn scene(&self, file: &Path) -> Built<Self::Scene>;
+
+    /// Puts in the settings that are not given and that the schema has no default for.
+    fn settle(&mut self, file: &Path);
 }
 
 impl Describes for Document {
     type Scene = Scene;
+    const SUBJECT: Subject = Subject::LightMap;
 
     fn scene(&self, file: &Path) -> Built<Scene> {
         self.build(file)
+    }
+
+    fn settle(&mut self, file: &Path) {
+        self.settle(file);
     }
 }
 
 impl Describes for VolumeDocument {
     type Scene = VolumeScene;
+    const SUBJECT: Subject = Subject::Volume;
 
     fn scene(&self, file: &Path) -> Built<VolumeScene> {
         self.build(file)
     }
+
+    fn settle(&mut self, file: &Path) {
+        self.settle(file);
+    }
 }
 
 /// A document that is read for its animation.
-#[derive(serde::Deserialize)]
+#[derive(serde::Deserialize, serde::Serialize)]
 #[serde(transparent)]
-struct Animated(VolumeDocument);
+pub(crate) struct Animated(VolumeDocument);
 
 impl Describes for Animated {
     type Scene = AnimatedVolume;
+    const SUBJECT: Subject = Subject::Animation;
 
     fn scene(&self, file: &Path) -> Built<AnimatedVolume> {
         self.0.animate(file)
+    }
+
+    fn settle(&mut self, file: &Path) {
+        self.0.settle(file);
     }
 }
 
@@ -176,10 +208,11 @@ pub fn schema(subject: Subject) -> Value {
 }
 
 fn scene_from_bytes(bytes: &[u8], file: &Path, overrides: &[String]) -> Result<Scene> {
-    scene_of::<Document>(bytes, file, overrides)
+    Ok(scene_of::<Document>(bytes, file, overrides)?.0)
 }
 
-fn scene_of<D: Describes>(bytes: &[u8], file: &Path, overrides: &[String]) -> Result<D::Scene> {
+/// The scene, and the document that describes it.
+fn scene_of<D: Describes>(bytes: &[u8], file: &Path, overrides: &[String]) -> Result<(D::Scene, D)> {
     let (text, invalid) = match std::str::from_utf8(bytes) {
         Ok(text) => (text, None),
         Err(error) => {
@@ -193,7 +226,7 @@ fn scene_of<D: Describes>(bytes: &[u8], file: &Path, overrides: &[String]) -> Re
         return Err(source.error_at_offset(offset, &DocumentPath::default(), problem));
     }
     let document: D = document(&mut source, overrides)?;
-    source.placed(document.scene(file))
+    Ok((source.placed(document.scene(file))?, document))
 }
 
 fn document<D: Describes>(source: &mut Source<'_>, overrides: &[String]) -> Result<D> {

@@ -11,6 +11,7 @@ use crate::visibility::Geometry;
 
 use super::assets::Assets;
 use super::channels::Channels;
+use super::file_name::FileName;
 use super::flaw::{At, Built, Flaw};
 use super::light::GltfNode;
 use super::transform::{FARTHEST, Transform};
@@ -43,6 +44,7 @@ pub struct BoxShape {
     pub size: [f64; 3],
     /// Diffuse reflectance from 0 to 1: one number or [r, g, b].
     #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
+    #[schemars(!skip_serializing_if)]
     pub albedo: Channels,
     /// Moves the shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -59,6 +61,7 @@ pub struct PlaneShape {
     pub sides: [[f64; 3]; 2],
     /// Diffuse reflectance from 0 to 1: one number or [r, g, b].
     #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
+    #[schemars(!skip_serializing_if)]
     pub albedo: Channels,
     /// Moves the shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -75,6 +78,7 @@ pub struct SphereShape {
     pub radius: f64,
     /// Diffuse reflectance from 0 to 1: one number or [r, g, b].
     #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
+    #[schemars(!skip_serializing_if)]
     pub albedo: Channels,
     /// Moves the shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -93,6 +97,7 @@ pub struct CylinderShape {
     pub radius: f64,
     /// Diffuse reflectance from 0 to 1: one number or [r, g, b].
     #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
+    #[schemars(!skip_serializing_if)]
     pub albedo: Channels,
     /// Moves the shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -104,7 +109,7 @@ pub struct CylinderShape {
 #[serde(deny_unknown_fields)]
 pub struct GltfMesh {
     /// The .gltf or .glb file, relative to the scene file.
-    pub file: String,
+    pub file: FileName,
     /// Name of the node to take, with everything below it; the whole file when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub node: Option<String>,
@@ -118,7 +123,7 @@ pub struct GltfMesh {
 #[serde(deny_unknown_fields)]
 pub struct ObjMesh {
     /// The .obj file, relative to the scene file.
-    pub file: String,
+    pub file: FileName,
     /// Moves the triangles from where the file puts them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_world: Option<Transform>,

@@ -55,6 +55,7 @@ pub struct Solve {
     pub transmittance_bound: f64,
     /// What else is skipped: all that no result depends on. Switches are there to see what that is worth.
     #[serde(skip_serializing_if = "Skip::is_default")]
+    #[schemars(!skip_serializing_if)]
     pub skip: Skip,
 }
 

@@ -9,6 +9,7 @@ use crate::scene;
 
 use super::assets::Assets;
 use super::channels::Channels;
+use super::file_name::FileName;
 use super::flaw::{At, Built, Flaw, within};
 use super::volume::{Environment, Lights};
 
@@ -18,6 +19,7 @@ use super::volume::{Environment, Lights};
 pub struct Surroundings {
     /// Whether the sun's radiance outside its light map is looked for, one number a channel; it starts from `light.radiance`.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(!skip_serializing_if)]
     pub sun: bool,
     /// Light from everywhere that is looked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -33,7 +35,7 @@ pub struct Sky {
     pub radiance: Option<Channels>,
     /// A latitude-longitude picture (HDR, EXR or PNG) to start from, relative to the scene file: +Y at the top, −Z in the middle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub file: Option<String>,
+    pub file: Option<FileName>,
     /// What it is a combination of.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lights: Option<Lights>,
@@ -41,6 +43,9 @@ pub struct Sky {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shadow_map: Option<usize>,
 }
+
+/// Texels a side of a shadow map when not given.
+const SHADOW_MAP: usize = 256;
 
 impl Surroundings {
     pub(super) fn build(&self, assets: &Assets) -> Built<scene::Surroundings> {
@@ -52,11 +57,20 @@ impl Surroundings {
         let sky = self.environment.as_ref().map(|sky| sky.build(assets).at("environment"));
         Ok(scene::Surroundings { sun: self.sun, sky: sky.transpose()? })
     }
+
+    /// Puts in the settings that are not given.
+    pub(super) fn settle(&mut self) {
+        if let Some(sky) = &mut self.environment {
+            sky.radiance.get_or_insert(Environment::default_radiance(sky.file.as_ref()));
+            sky.lights.get_or_insert_default().settle();
+            sky.shadow_map.get_or_insert(SHADOW_MAP);
+        }
+    }
 }
 
 impl Sky {
     fn build(&self, assets: &Assets) -> Built<scene::Sky> {
-        let shadow_map = within("shadow_map", self.shadow_map.unwrap_or(256), [16, 2048])?;
+        let shadow_map = within("shadow_map", self.shadow_map.unwrap_or(SHADOW_MAP), [16, 2048])?;
         let basis = self.lights.clone().unwrap_or_default().build().at("lights")?;
         let start =
             Environment { radiance: self.radiance, file: self.file.clone(), ..Environment::default() };

@@ -39,9 +39,10 @@ pub struct LookAt {
     pub origin: [f64; 3],
     /// What it looks at, in metres.
     pub target: [f64; 3],
-    /// What is up; +Y when not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub up: Option<[f64; 3]>,
+    /// What is up.
+    #[serde(default = "LookAt::default_up", skip_serializing_if = "LookAt::is_default_up")]
+    #[schemars(!skip_serializing_if)]
+    pub up: [f64; 3],
 }
 
 /// A right-handed rotation around an axis through the origin.
@@ -57,7 +58,7 @@ pub struct Rotate {
 impl Transform {
     /// A transform that stands at `origin` and looks at `target`, +Y up.
     pub fn looking(origin: [f64; 3], target: [f64; 3]) -> Self {
-        Self { look_at: Some(LookAt { origin, target, up: None }), ..Self::default() }
+        Self { look_at: Some(LookAt { origin, target, up: LookAt::default_up() }), ..Self::default() }
     }
 
     pub(super) fn build(&self) -> Built<DAffine3> {
@@ -86,8 +87,7 @@ impl Transform {
 
 impl LookAt {
     fn build(&self) -> Built<DAffine3> {
-        let [origin, target] = [self.origin, self.target].map(DVec3::from_array);
-        let up = self.up.map_or(DVec3::Y, DVec3::from_array);
+        let [origin, target, up] = [self.origin, self.target, self.up].map(DVec3::from_array);
         // Lengths beyond this overflow when squared, which look_at would take for a zero.
         for (path, vector) in [("origin", origin), ("target", target), ("up", up)] {
             if !(vector.is_finite() && vector.abs().max_element() <= FARTHEST) {
@@ -95,6 +95,14 @@ impl LookAt {
             }
         }
         Ok(scene::look_at(origin, target, up)?)
+    }
+
+    fn default_up() -> [f64; 3] {
+        [0.0, 1.0, 0.0]
+    }
+
+    fn is_default_up(up: &[f64; 3]) -> bool {
+        *up == Self::default_up()
     }
 }
 

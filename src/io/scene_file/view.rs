@@ -7,6 +7,7 @@ use crate::scene;
 
 use super::assets::Assets;
 use super::channels::Paint;
+use super::file_name::FileName;
 use super::flaw::{At, Built, Flaw, checked};
 use super::transform::Transform;
 
@@ -20,11 +21,13 @@ pub struct View {
     pub camera: Camera,
     /// Painted strokes, in painting order, over the layers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(!skip_serializing_if)]
     pub strokes: Vec<Stroke>,
     /// Painted pictures of the view's size (PNG or EXR, alpha is the weight), from the bottom up, relative to the
     /// scene file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub layers: Vec<String>,
+    #[schemars(!skip_serializing_if)]
+    pub layers: Vec<FileName>,
 }
 
 /// A pinhole camera: either `to_world` and `fov`, or a camera of a glTF file.
@@ -52,18 +55,19 @@ pub struct Camera {
 #[serde(deny_unknown_fields)]
 pub struct GltfCameraNode {
     /// The .gltf or .glb file, relative to the scene file.
-    pub file: String,
+    pub file: FileName,
     /// Name of the node that holds the camera.
     pub node: String,
 }
 
 /// A side of a picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum FovAxis {
     /// The width.
     X,
     /// The height.
+    #[default]
     Y,
 }
 
@@ -77,9 +81,11 @@ pub struct Stroke {
     pub radius: f64,
     /// From 0 (the weight falls off linearly from the middle to the edge) to 1 (a hard edge).
     #[serde(default = "Stroke::default_hardness", skip_serializing_if = "Stroke::is_default_hardness")]
+    #[schemars(!skip_serializing_if)]
     pub hardness: f64,
     /// Weight of the constraint in the middle of the stroke, above 0 and at most 1.
     #[serde(default = "Stroke::default_opacity", skip_serializing_if = "Stroke::is_default_opacity")]
+    #[schemars(!skip_serializing_if)]
     pub opacity: f64,
     /// The desired colour: "#rrggbb" in sRGB, or [r, g, b] in linear Rec. 709.
     pub color: Paint,
@@ -113,7 +119,7 @@ pub(super) fn painted(
     name: &str,
     camera: scene::Camera,
     strokes: &[Stroke],
-    layers: &[String],
+    layers: &[FileName],
     assets: &Assets,
 ) -> Built<scene::View> {
     let size = camera.size();
@@ -143,7 +149,7 @@ fn check_name(name: &str) -> Built<()> {
     Ok(())
 }
 
-fn layer(file: &str, size: [usize; 2], assets: &Assets) -> Built<scene::RgbaImage> {
+fn layer(file: &FileName, size: [usize; 2], assets: &Assets) -> Built<scene::RgbaImage> {
     same_size(assets.layer(file)?, size)
 }
 
@@ -174,11 +180,18 @@ impl Camera {
         }
         let to_world = self.to_world.as_ref().ok_or_else(|| missing("to_world"))?.build().at("to_world")?;
         let fov = self.fov.ok_or_else(|| missing("fov"))?;
-        let fov_axis = match self.fov_axis {
-            Some(FovAxis::X) => scene::FovAxis::X,
-            Some(FovAxis::Y) | None => scene::FovAxis::Y,
+        let fov_axis = match self.fov_axis.unwrap_or_default() {
+            FovAxis::X => scene::FovAxis::X,
+            FovAxis::Y => scene::FovAxis::Y,
         };
         Ok(scene::Camera::new(to_world, fov, fov_axis, self.size)?)
+    }
+
+    /// Puts in the settings that are not given; those of a glTF camera stay in its file.
+    pub(super) fn settle(&mut self) {
+        if self.gltf.is_none() {
+            self.fov_axis.get_or_insert_default();
+        }
     }
 }
 

@@ -29,12 +29,19 @@ pub fn write_volume(document: &VolumeDocument) -> Result<String> {
 fn text_of(document: &impl Serialize) -> Result<String> {
     let value = serde_json::to_value(document)
         .map_err(|error| Error::Machine(format!("the scene cannot be written as JSON: {error}")))?;
-    if let Some(place) = first_null(&value) {
+    text_of_value(&value)
+}
+
+/// A document that has become JSON, laid out as [`write()`] does.
+///
+/// Errors: as [`write()`].
+pub(super) fn text_of_value(value: &Value) -> Result<String> {
+    if let Some(place) = first_null(value) {
         return Err(Error::NonFinite { what: "a value of the scene".to_owned(), place });
     }
     let mut text = String::new();
-    match &value {
-        Value::Object(_) => lay_out_object(&value, 0, &mut text),
+    match value {
+        Value::Object(_) => lay_out_object(value, 0, &mut text),
         other => lay_out(other, 0, &mut text),
     }
     text.push('\n');

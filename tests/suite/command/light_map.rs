@@ -29,6 +29,7 @@ fn all_results_are_written_and_read_back() {
         "coverage.png",
         "report.json",
         "report.html",
+        "scene.resolved.json",
         "checkpoint",
     ]
     .map(String::from)

@@ -12,6 +12,7 @@ mod matrix;
 mod nothing_lost;
 mod other_commands;
 mod pictures;
+mod resolved;
 mod skipping;
 mod solving;
 mod stress;

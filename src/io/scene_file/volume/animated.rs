@@ -78,7 +78,7 @@ impl Frames {
         let source = document.volume.extinction.source();
         if animation.is_of_files(&document.volume) {
             let place = document.volume.to_world.as_ref().map(Transform::build).transpose();
-            let (first, place) = (animation.first_file.unwrap_or(0), place.at("volume.to_world")?);
+            let (first, place) = (animation.first_file(), place.at("volume.to_world")?);
             return Ok(Self {
                 grid,
                 from: Origin::Files(Box::new(Files { pattern: source, first, assets, place })),

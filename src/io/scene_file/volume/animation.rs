@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::document::VolumeDocument;
 use super::field::Field;
 use super::properties::Volume;
-use super::view::Wanted;
+use super::view::{KEEP, Wanted};
 use crate::io::scene_file::assets::Assets;
+use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, within};
 use crate::io::scene_file::view::Stroke;
 use crate::scene::{self, Find, VolumeMedium, VolumeScene};
@@ -16,6 +17,9 @@ use crate::scene::{self, Find, VolumeMedium, VolumeScene};
 const MOST_FRAMES: usize = 10_000;
 /// The largest number of the first file.
 const LARGEST_NUMBER: usize = 1_000_000_000;
+
+/// The number of the first file when not given.
+const FIRST_FILE: usize = 0;
 
 /// Frames of a volume, and what the pictures of some of them should show.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -29,8 +33,9 @@ pub struct Animation {
     pub keys: Vec<Key>,
     /// The extinction of the frames between two keys, where it does not come from numbered files.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub between: Between,
-    /// The number of the file of frame 0, where `volume.extinction.file` has a run of `#` in its name: that stands for the
+    /// The number of the file of frame 0, where `volume.extinction.file` has a run of `#` in the file's own name: that stands for the
     /// number, with zeros before it up to the length of the run; 0 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first_file: Option<usize>,
@@ -64,6 +69,7 @@ pub struct Key {
     pub emission: Option<Field>,
     /// What views of the scene should show at this frame. What the scene itself wants of the others counts here, too.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(!skip_serializing_if)]
     pub views: Vec<KeyView>,
 }
 
@@ -75,19 +81,21 @@ pub struct KeyView {
     pub name: String,
     /// What the picture should show, as in a view of the scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub picture: Option<String>,
+    pub picture: Option<FileName>,
     /// Weights of the picture's pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub weight: Option<String>,
+    pub weight: Option<FileName>,
     /// Where the volume is seen at this frame: a picture of the view's size, black outside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mask: Option<String>,
+    pub mask: Option<FileName>,
     /// Painted strokes, in painting order, over the layers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(!skip_serializing_if)]
     pub strokes: Vec<Stroke>,
     /// Painted pictures of the view's size, from the bottom up.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub layers: Vec<String>,
+    #[schemars(!skip_serializing_if)]
+    pub layers: Vec<FileName>,
     /// Weight with which unpainted pixels stay as they are; 1 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep: Option<f64>,
@@ -119,7 +127,7 @@ impl Animation {
                 "there are no numbered files; give `volume.extinction.file` a run of `#` for the number";
             return Err(Flaw::new("first_file", problem));
         }
-        within("first_file", self.first_file.unwrap_or(0), [0, LARGEST_NUMBER])?;
+        within("first_file", self.first_file(), [0, LARGEST_NUMBER])?;
         let own = self.keys.iter().position(|key| key.extinction.is_some());
         if let (true, Some(index)) = (is_of_files, own) {
             let problem =
@@ -135,6 +143,21 @@ impl Animation {
             return Err(Flaw::new("between", "the extinction of all frames comes from files; leave it away"));
         }
         Ok(())
+    }
+
+    /// Puts in the settings that are not given.
+    pub(super) fn settle(&mut self, volume: &Volume) {
+        if self.is_of_files(volume) {
+            self.first_file.get_or_insert(FIRST_FILE);
+        }
+        for view in self.keys.iter_mut().flat_map(|key| &mut key.views) {
+            view.keep.get_or_insert(KEEP);
+        }
+    }
+
+    /// The number of the file of frame 0.
+    pub(super) fn first_file(&self) -> usize {
+        self.first_file.unwrap_or(FIRST_FILE)
     }
 
     /// Whether the volume's extinction comes from numbered files.
@@ -166,7 +189,7 @@ impl Key {
             }
         }
         if animation.is_of_files(&document.volume) {
-            let number = animation.first_file.unwrap_or(0) + self.frame;
+            let number = animation.first_file() + self.frame;
             volume.extinction = Field::From(volume.extinction.source().numbered(number));
         }
         volume.build(assets, &document.find.stages()).map_err(|flaw| {

@@ -10,10 +10,11 @@ use super::animation::Animation;
 use super::field::GridSize;
 use super::lights::Lights;
 use super::properties::{Extinction, PropertyBounds, Volume, light_size};
-use super::view::{VolumeView, wanted};
+use super::view::VolumeView;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::channels::Channels;
 use crate::io::scene_file::document::{Document, Target, check_names, stem, unknown_version};
+use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
 use crate::io::scene_file::light::Light;
 use crate::io::scene_file::occluder::{Occluder, mesh_of};
@@ -45,6 +46,7 @@ pub struct VolumeDocument {
     pub rounds: Option<usize>,
     /// Suns.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(!skip_serializing_if)]
     pub lights: Vec<Light>,
     /// Light from everywhere; none when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -58,36 +60,44 @@ pub struct VolumeDocument {
     pub background: Option<Channels>,
     /// Surfaces before, in and behind the volume.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(!skip_serializing_if)]
     pub occluders: Vec<Occluder>,
     /// Cameras and what their pictures should show.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(!skip_serializing_if)]
     pub views: Vec<VolumeView>,
     /// More views from a `transforms.json`: cameras and the pictures that they should show.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transforms: Option<TransformsFile>,
     /// What a painted colour asks for: a tint of what is seen there, or radiance.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub target: Target,
     /// How extinction is looked for.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub extinction: Extinction,
     /// The least and the largest values of what is looked for.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub bounds: PropertyBounds,
     /// How strongly emission and albedo are pulled to their start, relative to `solve.tikhonov`.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub pull: Pull,
     /// Whether voxels that are seen outside of a mask are left out; true when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hull: Option<bool>,
     /// Stops by which PNG pictures are brightened, from −64 to 64.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub exposure: f64,
     /// Frames of a volume that changes, and what the pictures of some of them should show.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub animation: Option<Animation>,
     /// How the problems are solved; `lower` and `upper` are given by `bounds` here.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub solve: Solve,
 }
 
@@ -132,7 +142,7 @@ pub struct Environment {
     pub radiance: Option<Channels>,
     /// A latitude-longitude picture (HDR, EXR or PNG), relative to the scene file: +Y at the top, −Z in the middle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub file: Option<String>,
+    pub file: Option<FileName>,
     /// Directions that the light of the volume is taken from, from 1 to 16384; 64 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub directions: Option<usize>,
@@ -146,7 +156,7 @@ pub struct Environment {
 #[serde(deny_unknown_fields)]
 pub struct TransformsFile {
     /// The file, relative to the scene file.
-    pub file: String,
+    pub file: FileName,
     /// Every so many frames are taken; 1 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub every: Option<usize>,
@@ -161,6 +171,12 @@ pub struct Pull {
     /// Of albedo; above 0.
     pub albedo: f64,
 }
+
+/// What holds when it is not given.
+const ROUNDS: usize = 1;
+const HULL: bool = true;
+const EVERY: usize = 1;
+const DIRECTIONS: usize = 64;
 
 impl Default for Pull {
     fn default() -> Self {
@@ -242,7 +258,7 @@ impl VolumeDocument {
         let light_basis = environment.lights.clone().unwrap_or_default().build().at("environment.lights")?;
         let environment = environment.build(assets).at("environment")?;
         let stages = self.find.stages();
-        let rounds = self.rounds.unwrap_or(1);
+        let rounds = self.rounds.unwrap_or(ROUNDS);
         if !(1..=100).contains(&rounds) {
             return Err(Flaw::value("rounds", rounds, "from 1 to 100"));
         }
@@ -272,10 +288,28 @@ impl VolumeDocument {
             extinction,
             bounds,
             pull,
-            hull: self.hull.unwrap_or(true),
+            hull: self.hull.unwrap_or(HULL),
             solve,
             exposure,
         })
+    }
+
+    /// Puts in the settings that are not given and that the schema has no default for.
+    pub(in crate::io::scene_file) fn settle(&mut self, file: &Path) {
+        self.schema = None;
+        self.name.get_or_insert_with(|| stem(file));
+        self.rounds.get_or_insert(ROUNDS);
+        self.lights.iter_mut().for_each(Light::settle);
+        self.environment.get_or_insert_default().settle();
+        self.views.iter_mut().for_each(VolumeView::settle);
+        if let Some(transforms) = &mut self.transforms {
+            transforms.every.get_or_insert(EVERY);
+        }
+        self.bounds.settle();
+        self.hull.get_or_insert(HULL);
+        if let Some(animation) = &mut self.animation {
+            animation.settle(&self.volume);
+        }
     }
 
     fn build_views(&self, assets: &mut Assets) -> Built<Vec<scene::VolumeView>> {
@@ -324,14 +358,24 @@ impl Find {
 }
 
 impl Environment {
+    /// Puts in the settings that are not given.
+    fn settle(&mut self) {
+        self.radiance.get_or_insert(Self::default_radiance(self.file.as_ref()));
+        self.directions.get_or_insert(DIRECTIONS);
+        self.lights.get_or_insert_default().settle();
+    }
+
+    /// The radiance when it is not given: with a file a factor.
+    pub(in crate::io::scene_file) fn default_radiance(file: Option<&FileName>) -> Channels {
+        Channels::Grey(if file.is_some() { 1.0 } else { 0.0 })
+    }
+
     pub(in crate::io::scene_file) fn build(&self, assets: &Assets) -> Built<scene::Environment> {
-        let directions = self.directions.unwrap_or(64);
-        let radiance = self.radiance.map(|radiance| radiance.rgb("radiance", f32::MAX)).transpose()?;
-        let Some(file) = &self.file else {
-            return Ok(scene::Environment::constant(radiance.unwrap_or([0.0; 3]), directions)?);
-        };
+        let directions = self.directions.unwrap_or(DIRECTIONS);
+        let radiance = self.radiance.unwrap_or(Self::default_radiance(self.file.as_ref()));
+        let factor = radiance.rgb("radiance", f32::MAX)?;
+        let Some(file) = &self.file else { return Ok(scene::Environment::constant(factor, directions)?) };
         let mut picture = assets.image(file).at("file")?;
-        let factor = radiance.unwrap_or([1.0; 3]);
         picture.pixels.iter_mut().for_each(|pixel| (0..3).for_each(|c| pixel[c] *= factor[c]));
         Ok(scene::Environment::map(picture, directions)?)
     }
@@ -339,30 +383,30 @@ impl Environment {
 
 impl TransformsFile {
     fn build(&self, assets: &Assets) -> Built<Vec<scene::VolumeView>> {
-        let every = self.every.unwrap_or(1);
+        let every = self.every.unwrap_or(EVERY);
         if every == 0 {
             return Err(Flaw::value("every", every, "at least 1"));
         }
         let shots = assets.shots(&self.file).at("file")?;
         let shots = shots.iter().step_by(every);
-        shots.map(|shot| self.view(shot, assets).at("file")).collect()
+        shots.map(|shot| Self::view(shot).at("file")).collect()
     }
 
-    fn view(&self, shot: &Shot, assets: &Assets) -> Built<scene::VolumeView> {
-        let file = shot.file.to_string_lossy();
-        let picture = assets.target(&file)?;
+    fn view(shot: &Shot) -> Built<scene::VolumeView> {
+        let picture = Assets::shot_picture(shot)?;
         let size = picture.size();
         if shot.size.is_some_and(|said| said != size) {
             let [w, h] = shot.size.unwrap_or(size);
+            let file = shot.file.display();
             let problem = format!("{file} has {} x {} pixels, not {w} x {h}", size[0], size[1]);
             return Err(Flaw::new("", problem));
         }
-        let mask = shot.mask.as_ref().map(|mask| assets.image(&mask.to_string_lossy())).transpose()?;
+        let mask = Assets::shot_mask(shot)?;
         let camera = scene::Camera::new(shot.world_from_camera, shot.fov_x, FovAxis::X, size)?;
         let name = name_of(&shot.file);
         Ok(scene::VolumeView {
             view: scene::View { name, camera, strokes: Vec::new(), layers: Vec::new() },
-            picture: Some(wanted(&file, size, assets)?),
+            picture: Some(picture),
             keep: 0.0,
             mask: mask.map(|mask| mask.pixels.iter().map(|pixel| pixel.iter().any(|&c| c > 0.5)).collect()),
             background: None,

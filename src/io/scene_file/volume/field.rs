@@ -12,6 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::shapes::Shapes;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::channels::Channels;
+use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
 use crate::scene::{self, VoxelGrid};
 
@@ -25,7 +26,7 @@ pub enum Field {
 }
 
 /// Where a property comes from: exactly one of `value`, `file` and `made`.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FieldSource {
     /// The same in every voxel: one number or [r, g, b].
@@ -33,22 +34,30 @@ pub struct FieldSource {
     pub value: Option<Channels>,
     /// A .vdb, .vol, .npy, .npz or raw (.json header) file, relative to the scene file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub file: Option<String>,
+    pub file: Option<FileName>,
     /// Name of the grid in a .vdb file, or of the array in a .npz file, where there are several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub member: Option<String>,
     /// Made of shapes and noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub made: Option<Shapes>,
-    /// A factor for all values; 1 when not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub scale: Option<f64>,
+    /// A factor for all values.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[schemars(!skip_serializing_if)]
+    pub scale: f64,
     /// Voxels along each axis for what is constant or made: N, or [x, y, z]; the volume's when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size: Option<GridSize>,
     /// Whether values are kept in 16 bits.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(!skip_serializing_if)]
     pub half: bool,
+}
+
+impl Default for FieldSource {
+    fn default() -> Self {
+        Self { value: None, file: None, member: None, made: None, scale: one(), size: None, half: false }
+    }
 }
 
 /// Voxels along each axis.
@@ -127,13 +136,8 @@ impl Field {
         if source.member.is_some() && source.file.is_none() {
             return Err(Flaw::new("member", "only a file has members; leave `member` away"));
         }
-        let volume = match source.scale {
-            Some(scale) => {
-                let scale = checked("scale", scale, "finite", |_| true)? as f32;
-                volume.map(|value| value * scale).at("scale")?
-            }
-            None => volume,
-        };
+        let scale = checked("scale", source.scale, "finite", |_| true)? as f32;
+        let volume = if scale == 1.0 { volume } else { volume.map(|value| value * scale).at("scale")? };
         if source.half { volume.halved().at("half") } else { Ok(volume) }
     }
 }
@@ -141,20 +145,12 @@ impl Field {
 impl FieldSource {
     /// Whether its file is one of many, with a run of `#` for the number.
     pub(super) fn is_numbered(&self) -> bool {
-        self.file.as_ref().is_some_and(|file| file.contains('#'))
+        self.file.as_ref().is_some_and(FileName::is_numbered)
     }
 
     /// The file with a number for the first run of `#`.
     pub(super) fn numbered(&self, number: usize) -> Self {
-        let numbered = |file: &String| {
-            let Some(at) = file.find('#') else { return file.clone() };
-            let (before, rest) = file.split_at(at);
-            let after = rest.trim_start_matches('#');
-            // More digits than a number has are no names of files.
-            let digits = (rest.len() - after.len()).min(20);
-            format!("{before}{number:0digits$}{after}")
-        };
-        Self { file: self.file.as_ref().map(numbered), ..self.clone() }
+        Self { file: self.file.as_ref().map(|file| file.numbered(number)), ..self.clone() }
     }
 
     /// What is made of the shapes a `share` of the way to another's.
@@ -162,10 +158,9 @@ impl FieldSource {
         let (Some(from), Some(to)) = (&self.made, &other.made) else {
             return Err(Flaw::new("", "only what is `made` has shapes that could move to another key's"));
         };
-        let scale = match (self.scale, other.scale) {
-            (None, None) => None,
-            (from, to) => Some(mixed(from.unwrap_or(1.0), to.unwrap_or(1.0), share)),
-        };
+        // Without rounding where nothing changes.
+        let is_one_scale = self.scale == other.scale;
+        let scale = if is_one_scale { self.scale } else { mixed(self.scale, other.scale, share) };
         Ok(Self { made: Some(from.towards(to, share).at("made")?), scale, ..self.clone() })
     }
 }
@@ -173,6 +168,14 @@ impl FieldSource {
 /// A number a `share` of the way from one to another.
 pub(super) fn mixed(from: f64, to: f64, share: f64) -> f64 {
     (1.0 - share) * from + share * to
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn is_one(scale: &f64) -> bool {
+    *scale == one()
 }
 
 impl Serialize for Field {

@@ -19,6 +19,7 @@ pub struct Lights {
     pub map: Option<[usize; 2]>,
     /// Where they are.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub over: Over,
     /// Where the upper hemisphere is; +Y when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -42,9 +43,27 @@ pub enum Over {
     UpperHemisphere,
 }
 
+/// What holds when it is not given.
+const COUNT: usize = 128;
+const UP: [f64; 3] = [0.0, 1.0, 0.0];
+const SOFTNESS: f64 = 0.5;
+const SAMPLES: usize = 1;
+
 impl Lights {
+    /// Puts in the settings that are not given, where they mean something.
+    pub(in crate::io::scene_file) fn settle(&mut self) {
+        if self.over == Over::UpperHemisphere {
+            self.up.get_or_insert(UP);
+        }
+        if self.map.is_none() {
+            self.count.get_or_insert(COUNT);
+            self.softness.get_or_insert(SOFTNESS);
+            self.samples.get_or_insert(SAMPLES);
+        }
+    }
+
     pub(in crate::io::scene_file) fn build(&self) -> Built<LightBasis> {
-        let up = DVec3::from_array(self.up.unwrap_or([0.0, 1.0, 0.0]));
+        let up = DVec3::from_array(self.up.unwrap_or(UP));
         if !(up.is_finite() && up.length() > 0.0) {
             return Err(Flaw::value("up", format!("{:?}", up.to_array()), "a direction"));
         }
@@ -59,8 +78,8 @@ impl Lights {
             Over::UpperHemisphere => scene::Over::Hemisphere(up.normalize()),
         };
         let Some(size) = self.map else {
-            let (softness, samples) = (self.softness.unwrap_or(0.5), self.samples.unwrap_or(1));
-            return Ok(LightBasis::discs(self.count.unwrap_or(128), over, softness, samples)?);
+            let (softness, samples) = (self.softness.unwrap_or(SOFTNESS), self.samples.unwrap_or(SAMPLES));
+            return Ok(LightBasis::discs(self.count.unwrap_or(COUNT), over, softness, samples)?);
         };
         for (name, is_given) in [
             ("count", self.count.is_some()),

@@ -20,9 +20,11 @@ pub struct Volume {
     pub extinction: Field,
     /// Single-scattering albedo from 0 to 1; 1 when not given.
     #[serde(default = "white", skip_serializing_if = "is_white")]
+    #[schemars(!skip_serializing_if)]
     pub albedo: Field,
     /// Radiance that a piece of the medium emits per optical depth; none when not given.
     #[serde(default = "black", skip_serializing_if = "is_black")]
+    #[schemars(!skip_serializing_if)]
     pub emission: Field,
     /// Where the unit cube that the voxels fill stands in the world. When not given, where a file says, else from 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -32,9 +34,11 @@ pub struct Volume {
     pub size: Option<GridSize>,
     /// What lies between the centres of voxels, and the basis of what is looked for.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub interpolation: Interpolation,
     /// Mean cosine of the Henyey–Greenstein phase function, inside (−1, 1); 0 where there is environment light.
     #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub g: f64,
     /// What bends the rays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -76,9 +80,11 @@ pub struct Extinction {
     pub colored: bool,
     /// Steps of Gauss–Newton that a refinement takes at most, from 1 to 1000: fewer where a step brings nothing more.
     #[serde(skip_serializing_if = "is_usual")]
+    #[schemars(!skip_serializing_if)]
     pub steps: usize,
     /// What the medium is taken to give in a refinement.
     #[serde(skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
     pub gives: Gives,
 }
 
@@ -195,6 +201,15 @@ impl Extinction {
 }
 
 impl PropertyBounds {
+    /// Puts in the bounds that are not given.
+    pub(super) fn settle(&mut self) {
+        let usual = scene::PropertyBounds::default();
+        self.emission.settle(usual.emission);
+        self.albedo.settle(usual.albedo);
+        self.extinction.settle(usual.extinction);
+        self.environment.settle(usual.environment);
+    }
+
     pub(super) fn build(&self) -> Built<scene::PropertyBounds> {
         let usual = scene::PropertyBounds::default();
         Ok(scene::PropertyBounds {
@@ -207,6 +222,14 @@ impl PropertyBounds {
 }
 
 impl Range {
+    fn settle(&mut self, [least, largest]: [[f64; 3]; 2]) {
+        self.lower.get_or_insert(Channels::Rgb(least).simplest());
+        // Infinity is no number of a document.
+        if largest.iter().all(|bound| bound.is_finite()) {
+            self.upper.get_or_insert(Channels::Rgb(largest).simplest());
+        }
+    }
+
     fn build(&self, [least, largest]: [[f64; 3]; 2]) -> Built<[[f64; 3]; 2]> {
         let lower = self.lower.map_or(least, Channels::wide);
         let upper = self.upper.map_or(largest, Channels::wide);

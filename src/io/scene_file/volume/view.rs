@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::animation::KeyView;
 use crate::io::scene_file::assets::Assets;
+use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
 use crate::io::scene_file::view::{Camera, Stroke, checked_camera, painted};
 use crate::scene::{self, Image, RgbaImage};
@@ -20,28 +21,33 @@ pub struct VolumeView {
     /// What the picture should show: radiance from an EXR, HDR or PNG picture of the view's size, relative to the scene
     /// file; alpha, where there is any, is the weight of a pixel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub picture: Option<String>,
+    pub picture: Option<FileName>,
     /// Weights of the picture's pixels, times its alpha: the luminance of a picture of the view's size, from 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub weight: Option<String>,
+    pub weight: Option<FileName>,
     /// Where the volume is seen: a picture of the view's size, black outside. Voxels that are seen outside are left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mask: Option<String>,
+    pub mask: Option<FileName>,
     /// What is seen behind the volume, instead of the scene's background: a picture of the view's size.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub background: Option<String>,
+    pub background: Option<FileName>,
     /// Painted strokes, in painting order, over the layers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(!skip_serializing_if)]
     pub strokes: Vec<Stroke>,
     /// Painted pictures of the view's size (PNG or EXR, alpha is the weight), from the bottom up, relative to the
     /// scene file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub layers: Vec<String>,
+    #[schemars(!skip_serializing_if)]
+    pub layers: Vec<FileName>,
     /// Weight with which pixels that nothing is painted on stay as they are, from 0 to 1, where something is painted on the
     /// view and it has no `picture`; 1 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep: Option<f64>,
 }
+
+/// Weight of unpainted pixels when not given.
+pub(super) const KEEP: f64 = 1.0;
 
 impl VolumeView {
     /// A view with nothing to show.
@@ -59,13 +65,19 @@ impl VolumeView {
         }
     }
 
+    /// Puts in the settings that are not given.
+    pub(super) fn settle(&mut self) {
+        self.camera.settle();
+        self.keep.get_or_insert(KEEP);
+    }
+
     pub(super) fn build(&self, assets: &mut Assets) -> Built<scene::VolumeView> {
         let camera = checked_camera(&self.name, &self.camera, assets)?;
         let size = camera.size();
         let wanted = Wanted {
-            picture: self.picture.as_deref(),
-            weight: self.weight.as_deref(),
-            mask: self.mask.as_deref(),
+            picture: self.picture.as_ref(),
+            weight: self.weight.as_ref(),
+            mask: self.mask.as_ref(),
             strokes: &self.strokes,
             layers: &self.layers,
             keep: self.keep,
@@ -78,20 +90,20 @@ impl VolumeView {
 
 /// What a picture should show, as it is written.
 pub(super) struct Wanted<'a> {
-    picture: Option<&'a str>,
-    weight: Option<&'a str>,
-    mask: Option<&'a str>,
+    picture: Option<&'a FileName>,
+    weight: Option<&'a FileName>,
+    mask: Option<&'a FileName>,
     strokes: &'a [Stroke],
-    layers: &'a [String],
+    layers: &'a [FileName],
     keep: Option<f64>,
 }
 
 impl<'a> Wanted<'a> {
     pub(super) fn of_key(view: &'a KeyView) -> Self {
         Self {
-            picture: view.picture.as_deref(),
-            weight: view.weight.as_deref(),
-            mask: view.mask.as_deref(),
+            picture: view.picture.as_ref(),
+            weight: view.weight.as_ref(),
+            mask: view.mask.as_ref(),
             strokes: &view.strokes,
             layers: &view.layers,
             keep: view.keep,
@@ -107,7 +119,7 @@ impl<'a> Wanted<'a> {
     ) -> Built<scene::VolumeView> {
         let size = camera.size();
         let view = painted(name, camera, self.strokes, self.layers, assets)?;
-        let keep = checked("keep", self.keep.unwrap_or(1.0), "from 0 to 1", |k| (0.0..=1.0).contains(&k))?;
+        let keep = checked("keep", self.keep.unwrap_or(KEEP), "from 0 to 1", |k| (0.0..=1.0).contains(&k))?;
         let picture = self.picture.map(|file| wanted(file, size, assets)).transpose().at("picture")?;
         let picture = match (picture, self.weight) {
             (Some(picture), Some(file)) => Some(weighted(picture, file, assets).at("weight")?),
@@ -129,7 +141,7 @@ impl<'a> Wanted<'a> {
 }
 
 /// A target picture with its weights.
-pub(super) fn wanted(file: &str, size: [usize; 2], assets: &Assets) -> Built<RgbaImage> {
+fn wanted(file: &FileName, size: [usize; 2], assets: &Assets) -> Built<RgbaImage> {
     let picture = assets.target(file)?;
     let [width, height] = picture.size();
     if [width, height] != size {
@@ -138,7 +150,7 @@ pub(super) fn wanted(file: &str, size: [usize; 2], assets: &Assets) -> Built<Rgb
     Ok(picture)
 }
 
-fn weighted(mut picture: RgbaImage, file: &str, assets: &Assets) -> Built<RgbaImage> {
+fn weighted(mut picture: RgbaImage, file: &FileName, assets: &Assets) -> Built<RgbaImage> {
     let weights = sized(assets.image(file)?, picture.size())?;
     for (pixel, weight) in picture.pixels.iter_mut().zip(&weights.pixels) {
         let luminance = 0.2126 * weight[0] + 0.7152 * weight[1] + 0.0722 * weight[2];

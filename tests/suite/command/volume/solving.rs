@@ -21,6 +21,7 @@ fn a_joint_solve_leaves_volumes_pictures_and_a_report() {
         "front_target.png",
         "report.html",
         "report.json",
+        "scene.resolved.json",
         "side_after.png",
         "turntable_002.png",
     ] {
