@@ -1,4 +1,4 @@
 // mine ← min(max(mine, a), b): the projection onto the bounds
 fn change(k: u32, i: u32, plane: u32, channel: u32) {
-    mine[i] = min(max(mine[i], lower(k, channel)), upper(k, channel));
+    mine[i] = min(max(mine[i], lower(channel)), upper(channel));
 }

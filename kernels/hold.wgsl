@@ -3,7 +3,7 @@
 @group(0) @binding(3) var<storage, read> gradient: array<f32>;
 
 fn change(k: u32, i: u32, plane: u32, channel: u32) {
-    if is_held(x[i], gradient[i], lower(k, channel), upper(k, channel)) {
+    if is_held(x[i], gradient[i], lower(channel), upper(channel)) {
         mine[i] = 0.0;
     }
 }

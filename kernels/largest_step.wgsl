@@ -9,11 +9,11 @@ fn together(a: f32, b: f32) -> f32 {
 }
 
 fn term(k: u32, i: u32, channel: u32) -> f32 {
-    if step[i] < 0.0 && lower(k, channel) > -HUGE {
-        return max((lower(k, channel) - x[i]) / step[i], 0.0);
+    if step[i] < 0.0 && lower(channel) > -HUGE {
+        return max((lower(channel) - x[i]) / step[i], 0.0);
     }
-    if step[i] > 0.0 && upper(k, channel) < HUGE {
-        return max((upper(k, channel) - x[i]) / step[i], 0.0);
+    if step[i] > 0.0 && upper(channel) < HUGE {
+        return max((upper(channel) - x[i]) / step[i], 0.0);
     }
     return HUGE;
 }

@@ -9,7 +9,7 @@ fn together(a: f32, b: f32) -> f32 {
 }
 
 fn term(k: u32, i: u32, channel: u32) -> f32 {
-    if is_held(x[i], gradient[i], lower(k, channel), upper(k, channel)) {
+    if is_held(x[i], gradient[i], lower(channel), upper(channel)) {
         return 0.0;
     }
     return gradient[i] * gradient[i];

@@ -3,11 +3,11 @@
 
 fn change(k: u32, i: u32, plane: u32, channel: u32) {
     var room = HUGE;
-    if lower(k, channel) > -HUGE {
-        room = x[i] - lower(k, channel);
+    if lower(channel) > -HUGE {
+        room = x[i] - lower(channel);
     }
-    if upper(k, channel) < HUGE {
-        room = min(room, upper(k, channel) - x[i]);
+    if upper(channel) < HUGE {
+        room = min(room, upper(channel) - x[i]);
     }
     if room < HUGE {
         mine[i] = mine[i] * room;

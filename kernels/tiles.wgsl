@@ -6,14 +6,20 @@ struct Tiles {
     tiles: u32,
     stride: u32,
     channel: u32,
-    // The element from which on the second pair of bounds holds.
-    then: u32,
-    lower: vec4<f32>,
-    upper: vec4<f32>,
-    then_lower: vec4<f32>,
-    then_upper: vec4<f32>,
+    // Of the bounds.
+    parts: u32,
     // 1 / norm
     shorter: vec4<f32>,
+}
+
+// l and u of the elements from `begin` to where the next part begins.
+struct Part {
+    lower: vec4<f32>,
+    upper: vec4<f32>,
+    begin: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Tiles;
@@ -23,6 +29,8 @@ struct Tiles {
 @group(0) @binding(3) var<storage, read> tiles: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read> members: array<u32>;
 @group(0) @binding(5) var<storage, read> matrices: array<f32>;
+// The parts of the bounds; the first begins at 0. Members of a tile may belong to different ones.
+@group(0) @binding(6) var<storage, read> parts: array<Part>;
 
 var<workgroup> exchange: array<vec3<f32>, TILE>;
 var<workgroup> change: array<vec3<f32>, 2>;
@@ -62,14 +70,18 @@ fn entry(tile: vec4<u32>, k: u32, lane: u32) -> vec3<f32> {
     return vec3(matrices[i]);
 }
 
-// l of element i
-fn lower(i: u32) -> vec3<f32> {
-    return bound_of(select(params.lower, params.then_lower, i >= params.then));
-}
-
-// u of element i
-fn upper(i: u32) -> vec3<f32> {
-    return bound_of(select(params.upper, params.then_upper, i >= params.then));
+// The part of the bounds that element i belongs to, by halving.
+fn part_of(i: u32) -> u32 {
+    var part = 0u;
+    for (var beyond = params.parts; beyond - part > 1u;) {
+        let middle = (part + beyond) / 2u;
+        if parts[middle].begin <= i {
+            part = middle;
+        } else {
+            beyond = middle;
+        }
+    }
+    return part;
 }
 
 fn reciprocal(w: vec3<f32>) -> vec3<f32> {
@@ -111,6 +123,8 @@ fn main(
     } else {
         var least = vec3(-HUGE);
         var most = vec3(HUGE);
+        var lower = vec3(0.0);
+        var upper = vec3(0.0);
         var at = vec3(0.0);
         if OPERATION == 1 {
             // For −v the least is at M⁻¹ v.
@@ -118,8 +132,11 @@ fn main(
         } else {
             g *= bound_of(params.shorter);
             at = aims(i);
-            least = lower(i) - at;
-            most = upper(i) - at;
+            let part = part_of(i);
+            lower = bound_of(parts[part].lower);
+            upper = bound_of(parts[part].upper);
+            least = lower - at;
+            most = upper - at;
             var sum = vec3(0.0);
             if is_member {
                 for (var k = 0u; k < side; k++) {
@@ -157,7 +174,7 @@ fn main(
         g = d;
         if OPERATION == 2 {
             // A bound is met to the last digit.
-            g = clamp(at + d, lower(i), upper(i));
+            g = clamp(at + d, lower, upper);
         }
     }
     if is_member {

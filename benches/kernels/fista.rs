@@ -2,8 +2,9 @@
 //! below the data, and the metric is that of tiles.
 
 use std::borrow::Cow;
-use std::cell::{Cell, LazyCell};
+use std::cell::LazyCell;
 use std::ops::Deref;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use unscatter::Result;
@@ -44,7 +45,7 @@ struct Rows {
     products: Box<dyn DeviceOperator>,
     host: cpu::Transport<LightMapTraversal, f32, 1>,
     nonzeros: u64,
-    metric_bytes: Cell<u64>,
+    metric_bytes: AtomicU64,
 }
 
 impl Rows {
@@ -60,7 +61,7 @@ impl Rows {
             products: on_adapter(&traversal),
             host: cpu::Transport::new(traversal, &plan, Strategy::Auto, u64::MAX).unwrap(),
             nonzeros: plan.nonzeros,
-            metric_bytes: Cell::new(0),
+            metric_bytes: AtomicU64::new(0),
         }
     }
 
@@ -118,7 +119,7 @@ impl TransportOperator for Rows {
         added: &[f64],
     ) -> Result<Box<dyn Metric<GpuVector>>> {
         let metric = TileMetric::new(&self.host, tiling, weights, added)?;
-        self.metric_bytes.set(metric.bytes());
+        self.metric_bytes.store(metric.bytes(), Ordering::Relaxed);
         Ok(Box::new(gpu::TileMetric::new(&self.gpu, added.len(), metric.channels(), metric.blocks())?))
     }
 
@@ -141,7 +142,9 @@ fn solve<'a>(
         let [unknowns, painted] = [system.start().len(), rows.range().len()];
         let vectors = vectors.domain * unknowns + vectors.range * (painted + unknowns);
         // Two products, the metric twice, and each vector read and written once.
-        let once = matrix(rows) + rows.metric_bytes.get() + COLOR * (painted + unknowns + vectors) as u64;
+        let once = matrix(rows)
+            + rows.metric_bytes.load(Ordering::Relaxed)
+            + COLOR * (painted + unknowns + vectors) as u64;
         Work {
             rays: 2 * iterations * painted as u64,
             nonzeros: 2 * iterations * rows.nonzeros,

@@ -57,7 +57,7 @@ pub fn bench(rates: &mut Rates, gpu: &Gpu, elements: u32) {
     };
     for (name, vectors, change) in CHANGES {
         rates.bench(&group, name, || {
-            let (mut x, y, z) = (vector(1.0), vector(0.5), vector(0.0));
+            let (mut x, y, z, bounds) = (vector(1.0), vector(0.5), vector(0.0), bounds.clone());
             let change = move || {
                 change(&mut x, &y, &z, &bounds);
                 Ok(())
@@ -82,7 +82,7 @@ pub fn bench(rates: &mut Rates, gpu: &Gpu, elements: u32) {
     }
     for (name, reduce) in REDUCTIONS {
         rates.bench(&group, name, || {
-            let (x, y) = (vector(1.0), vector(0.5));
+            let (x, y, bounds) = (vector(1.0), vector(0.5), bounds.clone());
             let asked = Rc::new(RefCell::new(None));
             let last = asked.clone();
             let mut round = on_adapter(gpu, move || {
@@ -99,7 +99,7 @@ pub fn bench(rates: &mut Rates, gpu: &Gpu, elements: u32) {
         });
     }
     rates.bench(&group, "largest_step, with waiting for it", || {
-        let (x, y) = (vector(1.0), vector(0.5));
+        let (x, y, bounds) = (vector(1.0), vector(0.5), bounds.clone());
         (work(2, 0), by_the_clock(move || x.largest_step(&y, &bounds).unwrap()))
     });
 }

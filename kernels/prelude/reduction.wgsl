@@ -6,8 +6,9 @@
 
 var<workgroup> lanes: array<f32, LANES>;
 
-fn term_or_none(k: u32, plane: u32) -> f32 {
-    if k < params.len {
+fn term_or_none(n: u32, plane: u32) -> f32 {
+    if n < params.len {
+        let k = params.first + n;
         return term(k, plane * params.stride + k, params.channel + plane);
     }
     return NONE;
@@ -27,10 +28,10 @@ fn main(
     let first = piece * PIECE + lane.x;
     var fours: array<f32, 4>;
     for (var q = 0u; q < 4u; q++) {
-        let k = first + 4u * q * LANES;
+        let n = first + 4u * q * LANES;
         fours[q] = together(
-            together(term_or_none(k, group.z), term_or_none(k + LANES, group.z)),
-            together(term_or_none(k + 2u * LANES, group.z), term_or_none(k + 3u * LANES, group.z)),
+            together(term_or_none(n, group.z), term_or_none(n + LANES, group.z)),
+            together(term_or_none(n + 2u * LANES, group.z), term_or_none(n + 3u * LANES, group.z)),
         );
     }
     lanes[lane.x] = together(together(fours[0], fours[1]), together(fours[2], fours[3]));

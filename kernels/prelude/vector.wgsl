@@ -8,7 +8,8 @@ fn main(
     @builtin(global_invocation_id) id: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    for (var k = id.x; k < params.len; k += groups.x * LANES) {
+    for (var n = id.x; n < params.len; n += groups.x * LANES) {
+        let k = params.first + n;
         change(k, id.y * params.stride + k, id.y, params.channel + id.y);
     }
 }

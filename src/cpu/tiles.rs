@@ -264,26 +264,25 @@ impl<F: Real, const C: usize> Metric<CpuVector<F>> for TileMetric<F, C> {
     fn descend(&self, x: &mut CpuVector<F>, y: &CpuVector<F>, norm: Scalars, bounds: &Bounds) {
         let shorter: [F; 3] = norm.map(|norm| F::of(1.0 / norm));
         self.each(x, |tile, part, members| {
-            let mut room: Room<F> = [[F::zero(); 4]; SIDE * SIDE];
+            let [mut room, mut least, mut most]: [Room<F>; 3] = [[[F::zero(); 4]; SIDE * SIDE]; 3];
             let d = &mut room[..part.len()];
             part.iter_mut().for_each(|g| (0..3).for_each(|c| g[c] = g[c] * shorter[c]));
-            let at = |k: usize, c: usize| y.0[members[k] as usize][c];
-            let within = |k: usize, c: usize, value: F| {
-                let [lower, upper] = bounds.of(members[k] as usize);
-                // A bound is met to the last digit.
-                F::min(F::max(value, F::of(lower[c])), F::of(upper[c]))
-            };
-            let limit = |k: usize, c: usize, value: F| {
-                let (y, [lower, upper]) = (at(k, c), bounds.of(members[k] as usize));
-                F::min(F::max(value, F::of(lower[c]) - y), F::of(upper[c]) - y)
-            };
+            // Members of a tile may belong to different parts of the bounds.
+            let bounds_of = |unknown: u32| bounds.of(unknown as usize).map(|bounds| bounds.map(F::of));
+            for (k, &unknown) in members.iter().enumerate() {
+                let (y, [lower, upper]) = (y.0[unknown as usize], bounds_of(unknown));
+                (0..3).for_each(|c| (least[k][c], most[k][c]) = (lower[c] - y[c], upper[c] - y[c]));
+            }
+            let limit = |k: usize, c: usize, value: F| F::min(F::max(value, least[k][c]), most[k][c]);
             // A sweep alone is slow where d is smooth, which is where the step of the separable surrogate is exact.
             for (k, g) in part.iter().enumerate() {
                 (0..3).for_each(|c| d[k][c] = limit(k, c, -g[c] * channel(&tile.inverse_sums[k], c)));
             }
             tile.sweep(part, d, limit);
-            for (k, value) in part.iter_mut().enumerate() {
-                (0..3).for_each(|c| value[c] = within(k, c, at(k, c) + d[k][c]));
+            for ((value, d), &unknown) in part.iter_mut().zip(d).zip(members) {
+                let (y, [lower, upper]) = (y.0[unknown as usize], bounds_of(unknown));
+                // A bound is met to the last digit.
+                (0..3).for_each(|c| value[c] = F::min(F::max(y[c] + d[c], lower[c]), upper[c]));
             }
         });
     }

@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use super::Gpu;
 use super::adapter::Fault;
-use super::device::{note, one_line};
+use super::device::{lock, note, one_line};
 use super::kernel::{Access, Kernel};
 use super::recorder::{Binding, Pipeline};
 use crate::{Error, Result};
 
 impl Gpu {
     pub(super) fn pipeline(&self, kernel: Kernel) -> Option<Arc<Pipeline>> {
-        let mut pipelines = self.0.pipelines.borrow_mut();
+        let mut pipelines = lock(&self.0.pipelines);
         if let Some(known) = pipelines.get(&kernel) {
             return known.clone();
         }

@@ -1,6 +1,4 @@
-use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
-use std::rc::Rc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -21,16 +19,21 @@ const WITHOUT: &str = "use --backend cpu; --resume continues from the last check
 const SMALLER: &str =
     "lower the maps' or views' sizes, or use --backend cpu; --resume continues from the last checkpoint";
 
-/// A graphics adapter at work, for one thread. Clones are the same one.
+/// A graphics adapter at work. Clones are the same one, and threads may share it.
 ///
 /// Dispatches are recorded and handed over together when something is read. A failure of the device is kept, what comes
-/// after it does nothing, and whatever returns a result says so.
+/// after it does nothing, and whatever returns a result says so. Threads record into one queue, so each waits for what the others
+/// have recorded, too.
 #[derive(Debug, Clone)]
-pub struct Gpu(pub(super) Rc<Inner>);
+pub struct Gpu(pub(super) Arc<Inner>);
 
 /// Whether somebody wants to stop.
-pub(super) type GivesUp = Box<dyn Fn() -> bool>;
+pub(super) type GivesUp = Arc<dyn Fn() -> bool + Send + Sync>;
 
+/// A device, and what is under way on it.
+///
+/// Who takes several of its locks takes them in this order: `waiting`, `recorder`, `failure`. No [`Allocation`](super::memory::Allocation)
+/// is dropped while `recorder` is locked, because that locks it.
 pub(super) struct Inner {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
@@ -42,16 +45,16 @@ pub(super) struct Inner {
     pub(super) sums_near: bool,
     pub(super) fault: Option<Fault>,
     pub(super) failure: Arc<Mutex<Option<Error>>>,
-    pub(super) recorder: RefCell<Recorder>,
+    pub(super) recorder: Mutex<Recorder>,
     pub(super) parameters: wgpu::Buffer,
-    pub(super) pipelines: RefCell<HashMap<Kernel, Option<Arc<Pipeline>>>>,
-    pub(super) waiting: RefCell<Waiting>,
-    pub(super) held: Cell<u64>,
-    pub(super) round_trips: Cell<u64>,
-    pub(super) dispatches: Cell<u64>,
+    pub(super) pipelines: Mutex<HashMap<Kernel, Option<Arc<Pipeline>>>>,
+    pub(super) waiting: Mutex<Waiting>,
+    pub(super) held: AtomicU64,
+    pub(super) round_trips: AtomicU64,
+    pub(super) dispatches: AtomicU64,
     /// Submissions that the device has ended.
     pub(super) ended: Arc<AtomicU64>,
-    pub(super) gives_up: RefCell<Option<GivesUp>>,
+    pub(super) gives_up: Mutex<Option<GivesUp>>,
 }
 
 impl std::fmt::Debug for Inner {
@@ -110,9 +113,9 @@ impl Gpu {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let waiting = RefCell::new(Waiting::new(&device));
+        let waiting = Mutex::new(Waiting::new(&device));
         let limit = record.binding_limit;
-        let gpu = Self(Rc::new(Inner {
+        let gpu = Self(Arc::new(Inner {
             binding_limit: choice.binding_limit.map_or(limit, |lower| lower.min(limit)),
             workgroup_limit: choice.workgroup_limit.unwrap_or(u32::MAX).min(record.workgroup_limit),
             float_atomics: record.float_atomics && !choice.without_float_atomics,
@@ -122,15 +125,15 @@ impl Gpu {
             queue,
             record,
             failure,
-            recorder: RefCell::default(),
+            recorder: Mutex::default(),
             parameters,
-            pipelines: RefCell::default(),
+            pipelines: Mutex::default(),
             waiting,
-            held: Cell::new(0),
-            round_trips: Cell::new(0),
-            dispatches: Cell::new(0),
+            held: AtomicU64::new(0),
+            round_trips: AtomicU64::new(0),
+            dispatches: AtomicU64::new(0),
             ended: Arc::default(),
-            gives_up: RefCell::default(),
+            gives_up: Mutex::default(),
         }));
         gpu.check()?;
         Ok(gpu)
@@ -143,17 +146,17 @@ impl Gpu {
 
     /// How often the host has waited for it.
     pub fn round_trips(&self) -> u64 {
-        self.0.round_trips.get()
+        self.0.round_trips.load(Ordering::Relaxed)
     }
 
     /// How many kernels it was given to run.
     pub fn dispatches(&self) -> u64 {
-        self.0.dispatches.get()
+        self.0.dispatches.load(Ordering::Relaxed)
     }
 
     /// Bytes of it that are in use.
     pub fn held(&self) -> u64 {
-        self.0.held.get()
+        self.0.held.load(Ordering::Relaxed)
     }
 
     /// Gives the device up, as a driver that is restarted does; everything after this fails. For tests of what happens then.
@@ -174,7 +177,7 @@ impl Gpu {
 
     /// Hands over what is recorded, without waiting for it.
     pub(super) fn hand_over(&self) {
-        self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |_| {});
+        self.submit(&mut lock(&self.0.recorder), Mark::None, |_| {});
     }
 
     /// Seconds on the device's own clock from before to after what `work` records; none where it has no clock.
@@ -201,9 +204,9 @@ impl Gpu {
         let resolved = buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC);
         let staging = buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
         // Two marks, each in a pass of its own: what lies between may be nothing, or many submissions.
-        self.submit(&mut self.0.recorder.borrow_mut(), Mark::Begin(&queries), |_| {});
+        self.submit(&mut lock(&self.0.recorder), Mark::Begin(&queries), |_| {});
         work()?;
-        self.submit(&mut self.0.recorder.borrow_mut(), Mark::End(&queries), |encoder| {
+        self.submit(&mut lock(&self.0.recorder), Mark::End(&queries), |encoder| {
             encoder.resolve_query_set(&queries, 0..2, &resolved, 0);
             encoder.copy_buffer_to_buffer(&resolved, 0, &staging, 0, 16);
         });
@@ -250,7 +253,7 @@ impl Gpu {
             return;
         }
         let Some(pipeline) = self.pipeline(kernel) else { return };
-        let mut recorder = self.0.recorder.borrow_mut();
+        let mut recorder = lock(&self.0.recorder);
         if recorder.is_full() {
             self.submit(&mut recorder, Mark::None, |_| {});
         }
@@ -265,7 +268,7 @@ impl Gpu {
             groups.push(recorder.group(kernel, index, all, |all| bind_group(&self.0.device, layout, all)));
         }
         recorder.record(pipeline, groups, bytemuck::bytes_of(parameters), workgroups);
-        self.0.dispatches.set(self.0.dispatches.get() + 1);
+        self.0.dispatches.fetch_add(1, Ordering::Relaxed);
     }
 
     /// The device, for what is no kernel.

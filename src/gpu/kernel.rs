@@ -296,7 +296,8 @@ impl Kernel {
                 Accumulation::Fixed => vec![Parameters, Read, Write, Write, Read],
                 Accumulation::Float | Accumulation::Swap => vec![Parameters, Read, Write],
             },
-            Self::Rows { .. } | Self::Tiles { .. } => vec![Parameters, Write, Read, Read, Read, Read],
+            Self::Rows { .. } => vec![Parameters, Write, Read, Read, Read, Read],
+            Self::Tiles { .. } => vec![Parameters, Write, Read, Read, Read, Read, Read],
         };
         match self {
             Self::LightMap(..) => vec![first, vec![Read, Read, Uniform], vec![Read]],

@@ -29,14 +29,12 @@ pub(super) struct VectorParams {
     pub(super) other_stride: u32,
     pub(super) again: u32,
     pub(super) results: u32,
-    pub(super) then: u32,
+    pub(super) first: u32,
     pub(super) pad0: u32,
     pub(super) pad1: u32,
     pub(super) pad2: u32,
     pub(super) a: [f32; 4],
     pub(super) b: [f32; 4],
-    pub(super) then_a: [f32; 4],
-    pub(super) then_b: [f32; 4],
 }
 
 /// `Transport` of kernels/prelude/light_map.wgsl.
@@ -164,10 +162,18 @@ pub(super) struct Tiles {
     pub(super) tiles: u32,
     pub(super) stride: u32,
     pub(super) channel: u32,
-    pub(super) then: u32,
+    pub(super) parts: u32,
+    pub(super) shorter: [f32; 4],
+}
+
+/// `Part` of kernels/tiles.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Part {
     pub(super) lower: [f32; 4],
     pub(super) upper: [f32; 4],
-    pub(super) then_lower: [f32; 4],
-    pub(super) then_upper: [f32; 4],
-    pub(super) shorter: [f32; 4],
+    pub(super) begin: u32,
+    pub(super) pad0: u32,
+    pub(super) pad1: u32,
+    pub(super) pad2: u32,
 }

@@ -1,12 +1,13 @@
 //! Memory of the device, and what goes there and comes back.
 
-use std::rc::Rc;
-use std::sync::{Arc, Mutex};
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, mpsc};
 
 use bytemuck::Pod;
 
 use super::Gpu;
 use super::device::{Inner, Mark, lock, note};
+use super::patience::GRACE;
 use super::recorder::Binding;
 use crate::{Error, Result};
 
@@ -22,7 +23,7 @@ const SMALL: usize = 64 << 10;
 /// Memory of the device.
 #[derive(Debug)]
 pub(super) struct Allocation {
-    inner: Rc<Inner>,
+    inner: Arc<Inner>,
     pub(super) buffer: wgpu::Buffer,
 }
 
@@ -34,8 +35,8 @@ pub(super) struct Reserve {
 
 impl Drop for Allocation {
     fn drop(&mut self) {
-        self.inner.held.set(self.inner.held.get() - self.buffer.size());
-        self.inner.recorder.borrow_mut().forget(&self.buffer);
+        self.inner.held.fetch_sub(self.buffer.size(), Ordering::Relaxed);
+        lock(&self.inner.recorder).forget(&self.buffer);
     }
 }
 
@@ -101,7 +102,7 @@ impl Gpu {
             usage: Usages::STORAGE | Usages::UNIFORM | Usages::COPY_SRC | Usages::COPY_DST,
             mapped_at_creation: false,
         });
-        self.0.held.set(self.0.held.get() + bytes);
+        self.0.held.fetch_add(bytes, Ordering::Relaxed);
         Allocation { inner: self.0.clone(), buffer }
     }
 
@@ -148,7 +149,7 @@ impl Gpu {
             }
             staging.unmap();
             let offset = offset + ((count - 1) * SENT_AT_ONCE) as u64;
-            self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |encoder| {
+            self.submit(&mut lock(&self.0.recorder), Mark::None, |encoder| {
                 encoder.copy_buffer_to_buffer(&staging, 0, to, offset, len);
             });
             if count % SENDS_UNDER_WAY == 0 {
@@ -191,7 +192,7 @@ impl Gpu {
         while done < bytes {
             let part = (bytes - done).min(READ_AT_ONCE);
             let staging = self.memory_to_read("what it gives back", part)?;
-            self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |encoder| {
+            self.submit(&mut lock(&self.0.recorder), Mark::None, |encoder| {
                 encoder.copy_buffer_to_buffer(&allocation.buffer, offset + done, &staging, 0, part);
             });
             values.extend_from_slice(&self.map::<T>(&staging, part)?);
@@ -226,7 +227,7 @@ impl Gpu {
         draw: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::Buffer),
     ) -> Result<Vec<T>> {
         let staging = self.memory_to_read("a picture", bytes)?;
-        self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |encoder| draw(encoder, &staging));
+        self.submit(&mut lock(&self.0.recorder), Mark::None, |encoder| draw(encoder, &staging));
         self.map(&staging, bytes)
     }
 
@@ -238,7 +239,7 @@ impl Gpu {
         bytes: u64,
     ) -> Result<Vec<f32>> {
         self.check()?;
-        self.submit(&mut self.0.recorder.borrow_mut(), Mark::None, |encoder| {
+        self.submit(&mut lock(&self.0.recorder), Mark::None, |encoder| {
             encoder.copy_buffer_to_buffer(from, 0, staging, 0, bytes);
         });
         self.map(staging, bytes)
@@ -246,11 +247,13 @@ impl Gpu {
 
     pub(super) fn map<T: Pod>(&self, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<T>> {
         let slice = staging.slice(0..bytes);
-        let mapped = Arc::new(Mutex::new(false));
-        let told = mapped.clone();
-        slice.map_async(wgpu::MapMode::Read, move |result| *lock(&told) = result.is_ok());
+        let (told, mapped) = mpsc::channel();
+        slice.map_async(wgpu::MapMode::Read, move |result| {
+            let _nobody_waits = told.send(result.is_ok());
+        });
         self.wait()?;
-        if !*lock(&mapped) {
+        // Another thread that waits for the device may have seen the end first, and be about to tell.
+        if mapped.recv_timeout(GRACE) != Ok(true) {
             return Err(self.failed("did not give its results back"));
         }
         let values = match slice.get_mapped_range() {

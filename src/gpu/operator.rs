@@ -18,7 +18,9 @@ use crate::{Error, Result};
 const VECTORS: u64 = 16;
 
 /// `T` on a device, in one of the ways there are.
-pub trait DeviceOperator: LinearOperator<Domain = GpuVector, Range = GpuVector> + Debug {
+pub trait DeviceOperator:
+    LinearOperator<Domain = GpuVector, Range = GpuVector> + Debug + Send + Sync
+{
     /// x ← diag(Tᵀ diag(y) T). False where only the host can; x is then what it was.
     ///
     /// Errors: [`Error::Shape`] when a vector does not fit, and what has gone wrong on the device.

@@ -1,7 +1,7 @@
 //! How many rows one submission walks: few enough for drivers that stop what takes long, enough to keep the device busy.
 
-use std::cell::Cell;
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use super::Gpu;
@@ -20,13 +20,13 @@ const TRIALS: usize = 12;
 /// The pace of one kernel over the rows of one operator, found while it is used for the first time.
 #[derive(Debug)]
 struct Pace {
-    rows: Cell<usize>,
-    trials_left: Cell<usize>,
+    rows: AtomicUsize,
+    trials_left: AtomicUsize,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { rows: Cell::new(FIRST), trials_left: Cell::new(TRIALS) }
+        Self { rows: AtomicUsize::new(FIRST), trials_left: AtomicUsize::new(TRIALS) }
     }
 }
 
@@ -46,12 +46,20 @@ impl Paces {
 }
 
 impl Pace {
+    fn rows(&self) -> usize {
+        self.rows.load(Ordering::Relaxed)
+    }
+
+    fn trials_left(&self) -> usize {
+        self.trials_left.load(Ordering::Relaxed)
+    }
+
     /// Lets `record` record all rows, a piece a submission; the last piece is left to be handed over with what follows.
     fn walk(&self, gpu: &Gpu, rows: usize, record: &mut dyn FnMut(Range<usize>)) {
         let mut first = 0;
         while first < rows {
-            let count = self.rows.get().min(rows - first);
-            let is_timed = self.trials_left.get() > 0;
+            let count = self.rows().min(rows - first);
+            let is_timed = self.trials_left() > 0;
             if is_timed {
                 // What was recorded before is not timed. A failure is kept, and told by whoever asks next.
                 let _kept = gpu.finish();
@@ -72,15 +80,16 @@ impl Pace {
     fn learn(&self, count: usize, is_all: bool, took: Duration) {
         let of_aim = took.as_secs_f64() / AIM.as_secs_f64();
         if of_aim < 2.0 && (is_all || of_aim > 0.5) {
-            self.trials_left.set(0);
+            self.trials_left.store(0, Ordering::Relaxed);
             return;
         }
-        self.trials_left.set(self.trials_left.get() - 1);
+        // Another thread may have taken the last one.
+        self.trials_left.store(self.trials_left().saturating_sub(1), Ordering::Relaxed);
         // The first time includes what the driver does once, so it may only halve the number.
         let next = (count as f64 / of_aim.clamp(0.125, 2.0)) as usize;
         // The last piece of many may be small, and says little then.
-        if is_all || next < self.rows.get() || count == self.rows.get() {
-            self.rows.set((next / RAYS as usize * RAYS as usize).max(LEAST));
+        if is_all || next < self.rows() || count == self.rows() {
+            self.rows.store((next / RAYS as usize * RAYS as usize).max(LEAST), Ordering::Relaxed);
         }
     }
 }
@@ -94,15 +103,15 @@ mod tests {
         let (pace, mut once, mut timed) = (Pace::default(), once, 0);
         for _ in 0..100 {
             let mut first = 0;
-            while first < rows && pace.trials_left.get() > 0 {
-                let count = pace.rows.get().min(rows - first);
+            while first < rows && pace.trials_left() > 0 {
+                let count = pace.rows().min(rows - first);
                 let took = count as f64 * seconds_a_row + std::mem::take(&mut once);
                 pace.learn(count, count == rows, Duration::from_secs_f64(took));
                 first += count;
                 timed += 1;
             }
         }
-        (pace.rows.get().min(rows), timed)
+        (pace.rows().min(rows), timed)
     }
 
     #[test]

@@ -5,19 +5,20 @@
 //! for it.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use super::Gpu;
 use super::adapter::Fault;
-use super::device::note;
+use super::device::{lock, note};
 use crate::{Error, Result};
 
 /// How long a device may take to end one submission. Rows that are walked are handed over in pieces of a twentieth of a second.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// The same, once it was asked whether to go on and the answer was no.
-const GRACE: Duration = Duration::from_secs(5);
+pub(super) const GRACE: Duration = Duration::from_secs(5);
 /// The same of a device that only pretends to hang.
 const SIMULATED: Duration = Duration::from_millis(500);
 /// How often to ask whether to go on.
@@ -41,8 +42,8 @@ enum Seen {
 
 impl Gpu {
     /// Ends a wait early, with an error, when the device is stuck and this says so.
-    pub fn give_up_when(&self, wanted: impl Fn() -> bool + 'static) {
-        *self.0.gives_up.borrow_mut() = Some(Box::new(wanted));
+    pub fn give_up_when(&self, wanted: impl Fn() -> bool + Send + Sync + 'static) {
+        *lock(&self.0.gives_up) = Some(Arc::new(wanted));
     }
 
     /// Waits until all that was handed over is done: a round trip.
@@ -50,8 +51,8 @@ impl Gpu {
     /// Errors: [`Error::Adapter`] for a device that is lost or hangs; what has gone wrong before.
     pub(super) fn wait(&self) -> Result<()> {
         self.check()?;
-        self.0.round_trips.set(self.0.round_trips.get() + 1);
-        if self.0.fault == Some(Fault::Loss(self.0.round_trips.get())) {
+        let round_trips = self.0.round_trips.fetch_add(1, Ordering::Relaxed) + 1;
+        if self.0.fault == Some(Fault::Loss(round_trips)) {
             self.destroy();
         }
         let ended = || self.0.ended.load(Ordering::Relaxed);
@@ -65,7 +66,8 @@ impl Gpu {
             if ended() != last {
                 (last, since) = (ended(), Instant::now());
             }
-            let is_unwanted = self.0.gives_up.borrow().as_ref().is_some_and(|gives_up| gives_up());
+            let gives_up = lock(&self.0.gives_up).clone();
+            let is_unwanted = gives_up.is_some_and(|gives_up| gives_up());
             let patience = match self.0.fault {
                 Some(Fault::Hang(_)) => SIMULATED,
                 _ if is_unwanted => GRACE,
@@ -80,7 +82,7 @@ impl Gpu {
 
     /// Waits for a moment.
     fn glance(&self) -> Result<Seen> {
-        let round_trips = self.0.round_trips.get();
+        let round_trips = self.round_trips();
         if matches!(self.0.fault, Some(Fault::Hang(begins)) if round_trips >= begins) {
             sleep(GLANCE);
             return Ok(Seen::Busy);

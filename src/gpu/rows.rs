@@ -1,7 +1,8 @@
 //! Rows that are kept on the device, and their transpose: both directions gather, without atomics and always in the same order.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
+use super::device::lock;
 use super::kernel::{Kernel, LANES};
 use super::layout::Rows;
 use super::memory::Allocation;
@@ -42,7 +43,7 @@ struct Long {
     sums: Table,
     /// Which rows they are.
     index: Index,
-    scratch: [GpuVector; 2],
+    scratch: Mutex<[GpuVector; 2]>,
 }
 
 /// So many rows as can be seen at once.
@@ -124,7 +125,7 @@ impl Long {
             index: scratch[0].index(&long)?,
             pieces: Table::new(gpu, pieces)?,
             sums: Table::new(gpu, sums)?,
-            scratch,
+            scratch: Mutex::new(scratch),
         })))
     }
 }
@@ -205,7 +206,7 @@ impl Table {
             }
         }
         if let Some(long) = &self.long {
-            let [pieces, sums] = &long.scratch;
+            let [pieces, sums] = &*lock(&long.scratch);
             long.pieces.gather(gpu, x, pieces, squared);
             long.sums.gather(gpu, pieces, sums, false);
             y.overwrite(sums, &long.index);

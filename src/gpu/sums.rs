@@ -1,9 +1,9 @@
 //! Sums that the device has been asked for: they come back together, with one round trip.
 
-use std::cell::Cell;
-use std::rc::Rc;
+use std::sync::{Arc, MutexGuard, OnceLock};
 
 use super::Gpu;
+use super::device::lock;
 use super::recorder::Binding;
 use crate::operator::{PendingSum, Scalars};
 use crate::{Error, Result};
@@ -32,7 +32,7 @@ pub(super) struct Pieces {
 struct Asked {
     pieces: Vec<Pieces>,
     fold: Fold,
-    answer: Rc<Cell<Option<Scalars>>>,
+    answer: Arc<OnceLock<Scalars>>,
 }
 
 /// What is under way, and the memory that it arrives in.
@@ -58,31 +58,47 @@ impl Waiting {
             asked: Vec::new(),
         }
     }
+
+    /// So much of the room that [`Gpu::room_for_pieces`] has found: where it begins, and what to bind for it.
+    pub(super) fn take(&mut self, numbers: u32) -> (u32, Binding) {
+        let begin = self.used;
+        self.used += numbers;
+        let size = self.results.size();
+        (begin, Binding { buffer: self.results.clone(), offset: 0, size })
+    }
+
+    /// A sum whose pieces have been recorded.
+    pub(super) fn ask(&mut self, gpu: &Gpu, pieces: Vec<Pieces>, fold: Fold) -> DeviceSum {
+        let answer = Arc::new(OnceLock::new());
+        self.asked.push(Asked { pieces, fold, answer: answer.clone() });
+        DeviceSum { gpu: gpu.clone(), answer }
+    }
 }
 
 /// A number a channel that may still be on the device.
 #[derive(Debug, Clone)]
 pub struct DeviceSum {
     gpu: Gpu,
-    answer: Rc<Cell<Option<Scalars>>>,
+    answer: Arc<OnceLock<Scalars>>,
 }
 
 impl PendingSum for DeviceSum {
     fn value(self) -> Result<Scalars> {
+        let mut waiting = lock(&self.gpu.0.waiting);
         if self.answer.get().is_none() {
-            self.gpu.fetch()?;
+            self.gpu.fetch(&mut waiting)?;
         }
-        self.answer.get().ok_or_else(|| {
+        self.answer.get().copied().ok_or_else(|| {
             self.gpu.check().err().unwrap_or_else(|| Error::Machine("a sum is lost".to_owned()))
         })
     }
 }
 
 impl Gpu {
-    /// Room for the pieces of a reduction, and what to bind for them.
+    /// What is under way, with room for so many pieces more.
     ///
     /// Errors: [`Error::TooLarge`] for vectors of 1.4 billion elements and more.
-    pub(super) fn room_for_pieces(&self, numbers: u32) -> Result<(u32, Binding)> {
+    pub(super) fn room_for_pieces(&self, numbers: u32) -> Result<MutexGuard<'_, Waiting>> {
         if numbers > CAPACITY {
             return Err(Error::TooLarge {
                 what: "a sum on an adapter".to_owned(),
@@ -91,27 +107,16 @@ impl Gpu {
                 remedy: "lower the sizes, or use --backend cpu",
             });
         }
-        if self.0.waiting.borrow().used + numbers > CAPACITY {
-            self.fetch()?;
+        let mut waiting = lock(&self.0.waiting);
+        if waiting.used + numbers > CAPACITY {
+            self.fetch(&mut waiting)?;
         }
-        let mut waiting = self.0.waiting.borrow_mut();
-        let begin = waiting.used;
-        waiting.used += numbers;
-        let size = waiting.results.size();
-        Ok((begin, Binding { buffer: waiting.results.clone(), offset: 0, size }))
-    }
-
-    /// A sum whose pieces have been recorded.
-    pub(super) fn ask(&self, pieces: Vec<Pieces>, fold: Fold) -> DeviceSum {
-        let answer = Rc::new(Cell::new(None));
-        self.0.waiting.borrow_mut().asked.push(Asked { pieces, fold, answer: answer.clone() });
-        DeviceSum { gpu: self.clone(), answer }
+        Ok(waiting)
     }
 
     /// Everything that is under way.
-    fn fetch(&self) -> Result<()> {
+    fn fetch(&self, waiting: &mut Waiting) -> Result<()> {
         self.check()?;
-        let mut waiting = self.0.waiting.borrow_mut();
         let bytes = u64::from(waiting.used) * size_of::<f32>() as u64;
         // Sums over nothing have no pieces.
         let numbers = match bytes {
@@ -138,7 +143,7 @@ impl Gpu {
                     }
                 }
             }
-            answer.set(Some(sum));
+            let _is_first = answer.set(sum);
         }
         Ok(())
     }

@@ -1,9 +1,14 @@
 //! The metric of dense tiles on the device; its blocks are those of the CPU's.
 
+use std::ops::Range;
+use std::sync::Mutex;
+
 use super::Gpu;
+use super::device::lock;
 use super::kernel::{Kernel, TileOperation};
-use super::layout::Tiles;
+use super::layout::{Part, Tiles};
 use super::memory::Allocation;
+use super::recorder::Binding;
 use super::vector::{GpuVector, bound, numbers};
 use crate::operator::{Bounds, Metric, Scalars, Vector};
 use crate::{Error, Result};
@@ -16,8 +21,29 @@ pub struct TileMetric {
     gpu: Gpu,
     colored: bool,
     slabs: Vec<TileSlab>,
-    /// Bound where an operation has no second vector.
+    /// Bound where an operation has no second vector and no bounds.
     unused: Allocation,
+    /// The bounds of the last step. They seldom change from step to step, and are sent only then.
+    last: Mutex<Option<SentBounds>>,
+}
+
+/// Bounds, and their parts on the device.
+#[derive(Debug)]
+struct SentBounds {
+    bounds: Bounds,
+    /// Elements that the parts cover.
+    len: usize,
+    count: usize,
+    parts: Allocation,
+}
+
+/// What a step within bounds needs beside the gradient.
+struct Step<'a> {
+    from: &'a GpuVector,
+    parts: Binding,
+    count: usize,
+    /// 1 / norm.
+    shorter: [f32; 4],
 }
 
 /// So many tiles as can be seen at once.
@@ -63,25 +89,62 @@ impl TileMetric {
         if !tiles.is_empty() {
             slabs.push(TileSlab::new(gpu, &tiles, &members, &matrices)?);
         }
-        Ok(Self { gpu: gpu.clone(), colored: channels == 3, slabs, unused: gpu.try_allocate("nothing", 4)? })
+        let unused = gpu.try_allocate("nothing", size_of::<Part>() as u64)?;
+        Ok(Self { gpu: gpu.clone(), colored: channels == 3, slabs, unused, last: Mutex::default() })
     }
 
-    fn each(&self, operation: TileOperation, v: &GpuVector, y: Option<&GpuVector>, params: Tiles) {
+    /// The parts of bounds of so many elements on the device, and how many they are.
+    fn parts(&self, bounds: &Bounds, len: usize) -> (Binding, usize) {
+        let mut last = lock(&self.last);
+        let sent = match last.take() {
+            Some(sent) if sent.len == len && sent.bounds == *bounds => sent,
+            _ => SentBounds::new(&self.gpu, bounds, len),
+        };
+        let sent = last.insert(sent);
+        (sent.parts.whole(), sent.count)
+    }
+
+    fn each(&self, operation: TileOperation, v: &GpuVector, step: Option<&Step<'_>>) {
+        let unused = || self.unused.whole();
         for [channel, channels] in GpuVector::channels(&[v]) {
             let kernel = Kernel::Tiles { colored: self.colored, channels, operation };
             let Some(part) = v.slabs([channel, channels]).next() else { continue };
             for slab in &self.slabs {
                 let bindings = [
                     v.binding(part),
-                    y.map_or_else(|| self.unused.whole(), |y| y.binding(part)),
+                    step.map_or_else(unused, |step| step.from.binding(part)),
                     slab.tiles.whole(),
                     slab.members.whole(),
                     slab.matrices.whole(),
+                    step.map_or_else(unused, |step| step.parts.clone()),
                 ];
-                let params = Tiles { tiles: slab.count as u32, stride: v.stride as u32, channel, ..params };
+                let params = Tiles {
+                    tiles: slab.count as u32,
+                    stride: v.stride as u32,
+                    channel,
+                    parts: step.map_or(0, |step| step.count as u32),
+                    shorter: step.map_or([0.0; 4], |step| step.shorter),
+                };
                 self.gpu.dispatch(kernel, &params, &[&bindings], self.gpu.grid(slab.count, 1));
             }
         }
+    }
+}
+
+impl SentBounds {
+    fn new(gpu: &Gpu, bounds: &Bounds, len: usize) -> Self {
+        let part = |(range, [lower, upper]): (Range<usize>, [Scalars; 2])| Part {
+            lower: bound(lower),
+            upper: bound(upper),
+            begin: range.start as u32,
+            ..Part::default()
+        };
+        let sent: Vec<Part> = bounds.parts(len).map(part).collect();
+        // A kernel sees one at least.
+        let bytes = size_of_val(&sent[..]).max(size_of::<Part>()) as u64;
+        let parts = gpu.allocate("the bounds", bytes);
+        gpu.write(&parts, 0, &sent);
+        Self { bounds: bounds.clone(), len, count: sent.len(), parts }
     }
 }
 
@@ -98,26 +161,18 @@ impl TileSlab {
 
 impl Metric<GpuVector> for TileMetric {
     fn stretch(&self, v: &mut GpuVector) {
-        self.each(TileOperation::Stretch, v, None, Tiles::default());
+        self.each(TileOperation::Stretch, v, None);
     }
 
     fn shrink(&self, v: &mut GpuVector) {
-        self.each(TileOperation::Shrink, v, None, Tiles::default());
+        self.each(TileOperation::Shrink, v, None);
     }
 
     fn descend(&self, x: &mut GpuVector, y: &GpuVector, norm: Scalars, bounds: &Bounds) {
-        let [(_, [lower, upper]), (others, [then_lower, then_upper])] = bounds.parts(x.len());
-        let params = Tiles {
-            then: others.start as u32,
-            lower: bound(lower),
-            upper: bound(upper),
-            then_lower: bound(then_lower),
-            then_upper: bound(then_upper),
-            shorter: numbers(norm.map(|norm| 1.0 / norm)),
-            ..Tiles::default()
-        };
         debug_assert_eq!(x.len(), y.len());
-        self.each(TileOperation::Descend, x, Some(y), params);
+        let (parts, count) = self.parts(bounds, x.len());
+        let step = Step { from: y, parts, count, shorter: numbers(norm.map(|norm| 1.0 / norm)) };
+        self.each(TileOperation::Descend, x, Some(&step));
     }
 
     fn majorizes(&self) -> bool {

@@ -1,6 +1,6 @@
 //! Vectors in the memory of a device: three planes, one a channel.
 
-use std::rc::Rc;
+use std::iter;
 use std::sync::Arc;
 
 use super::Gpu;
@@ -31,7 +31,7 @@ pub struct GpuVector {
 /// Indices on a device.
 #[derive(Debug, Clone)]
 pub struct Index {
-    memory: Rc<Allocation>,
+    memory: Arc<Allocation>,
     len: usize,
 }
 
@@ -85,19 +85,21 @@ impl GpuVector {
 
     /// Lets a kernel change every element by its partners in vectors of the same length.
     fn each(&mut self, kernel: Kernel, others: &[&Self], a: Scalars, b: Scalars) {
-        self.each_with(kernel, others, |_, params| VectorParams { a: numbers(a), b: numbers(b), ..params });
+        let (a, b) = (numbers(a), numbers(b));
+        self.each_with(kernel, others, |_, params| iter::once(VectorParams { a, b, ..params }));
     }
 
+    /// The same, part by part of the bounds.
     fn each_within(&mut self, kernel: Kernel, others: &[&Self], bounds: &Bounds) {
-        let len = self.len;
-        self.each_with(kernel, others, |slab, params| params.within(bounds, len, slab));
+        self.each_with(kernel, others, |slab, params| params.within(bounds, slab));
     }
 
-    fn each_with(
+    /// The same for whatever parts of a slab.
+    fn each_with<P: Iterator<Item = VectorParams>>(
         &mut self,
         kernel: Kernel,
         others: &[&Self],
-        params: impl Fn(Slab, VectorParams) -> VectorParams,
+        parts: impl Fn(Slab, VectorParams) -> P,
     ) {
         let all: Vec<&Self> = others.iter().copied().chain([&*self]).collect();
         debug_assert!(others.iter().all(|other| other.len == self.len));
@@ -105,21 +107,23 @@ impl GpuVector {
             for slab in self.slabs(channels) {
                 let mut bindings = vec![self.binding(slab)];
                 bindings.extend(others.iter().map(|other| other.binding(slab)));
-                let params = params(slab, self.params(slab));
-                self.gpu.dispatch(kernel, &params, &[&bindings], self.workgroups(slab));
+                for params in parts(slab, self.params(slab)) {
+                    let workgroups = self.workgroups(params.len, slab.channels);
+                    self.gpu.dispatch(kernel, &params, &[&bindings], workgroups);
+                }
             }
         }
     }
 
     /// Lanes take every so-many-th element, so fewer workgroups do.
-    fn workgroups(&self, slab: Slab) -> [u32; 3] {
-        [(slab.len as u32).div_ceil(LANES).min(self.gpu.0.workgroup_limit), slab.channels, 1]
+    fn workgroups(&self, len: u32, channels: u32) -> [u32; 3] {
+        [len.div_ceil(LANES).min(self.gpu.0.workgroup_limit), channels, 1]
     }
 
     /// Workgroups of a reduction: a piece each.
-    fn workgroups_of_pieces(&self, slab: Slab) -> [u32; 3] {
-        let [across, down, _] = self.gpu.grid(slab.len, PIECE);
-        [across, down, slab.channels]
+    fn workgroups_of_pieces(&self, len: u32, channels: u32) -> [u32; 3] {
+        let [across, down, _] = self.gpu.grid(len as usize, PIECE);
+        [across, down, channels]
     }
 
     fn params(&self, slab: Slab) -> VectorParams {
@@ -140,7 +144,8 @@ impl GpuVector {
                     let mut bindings = vec![self.binding(slab), other.binding(there)];
                     bindings.extend(indices.iter().map(|index| index.binding(slab)));
                     let params = VectorParams { again, ..self.params(slab).looking_at(other, there) };
-                    self.gpu.dispatch(kernel, &params, &[&bindings], self.workgroups(slab));
+                    let workgroups = self.workgroups(params.len, slab.channels);
+                    self.gpu.dispatch(kernel, &params, &[&bindings], workgroups);
                 }
             }
         }
@@ -151,22 +156,25 @@ impl GpuVector {
         let [first, second] = vectors;
         debug_assert_eq!(first.len, second.len);
         let gpu = &first.gpu;
-        let slabs: Vec<Slab> =
-            Self::channels(&vectors).into_iter().flat_map(|channels| first.slabs(channels)).collect();
-        let count = |slab: &Slab| (slab.len as u32).div_ceil(PIECE);
-        let (mut begin, results) =
-            gpu.room_for_pieces(slabs.iter().map(|slab| slab.channels * count(slab)).sum())?;
-        let mut pieces = Vec::with_capacity(slabs.len());
-        for slab in slabs {
-            let count = count(&slab);
+        let slabs = Self::channels(&vectors).into_iter().flat_map(|channels| first.slabs(channels));
+        let parts: Vec<(Slab, VectorParams)> = slabs
+            .flat_map(|slab| first.params(slab).within(bounds, slab).map(move |params| (slab, params)))
+            .collect();
+        let count = |params: &VectorParams| params.len.div_ceil(PIECE);
+        let numbers = parts.iter().map(|(slab, params)| slab.channels * count(params)).sum();
+        // Until the sum is asked for, nobody else may fetch what stands in the results.
+        let mut waiting = gpu.room_for_pieces(numbers)?;
+        let (mut begin, results) = waiting.take(numbers);
+        let mut pieces = Vec::with_capacity(parts.len());
+        for (slab, params) in parts {
+            let (channel, channels, count) = (slab.channel, slab.channels, count(&params));
             let bindings = [results.clone(), first.binding(slab), second.binding(slab)];
-            let params =
-                VectorParams { results: begin, ..first.params(slab).within(bounds, first.len, slab) };
-            gpu.dispatch(kernel, &params, &[&bindings], first.workgroups_of_pieces(slab));
-            pieces.push(Pieces { begin, channel: slab.channel, channels: slab.channels, count });
-            begin += slab.channels * count;
+            let workgroups = first.workgroups_of_pieces(params.len, channels);
+            gpu.dispatch(kernel, &VectorParams { results: begin, ..params }, &[&bindings], workgroups);
+            pieces.push(Pieces { begin, channel, channels, count });
+            begin += channels * count;
         }
-        Ok(gpu.ask(pieces, fold))
+        Ok(waiting.ask(gpu, pieces, fold))
     }
 
     /// Records max|self| a channel, by pieces, into `results`: where each channel's begin, and how many they are.
@@ -177,12 +185,8 @@ impl GpuVector {
                 let count = (slab.len as u32).div_ceil(PIECE);
                 let params = VectorParams { results: begin, ..self.params(slab) };
                 let bindings = [results.whole(), self.binding(slab)];
-                self.gpu.dispatch(
-                    Kernel::LargestBits,
-                    &params,
-                    &[&bindings],
-                    self.workgroups_of_pieces(slab),
-                );
+                let workgroups = self.workgroups_of_pieces(params.len, slab.channels);
+                self.gpu.dispatch(Kernel::LargestBits, &params, &[&bindings], workgroups);
                 for c in 0..slab.channels {
                     let channel = (slab.channel + c) as usize;
                     if counts[channel] == 0 {
@@ -210,7 +214,8 @@ impl GpuVector {
                 for there in self.slabs(channels) {
                     let bindings = [self.binding(there), other.binding(slab), index.binding(slab)];
                     let params = other.params(slab).looking_at(self, there);
-                    self.gpu.dispatch(Kernel::Place, &params, &[&bindings], self.workgroups(slab));
+                    let workgroups = self.workgroups(params.len, slab.channels);
+                    self.gpu.dispatch(Kernel::Place, &params, &[&bindings], workgroups);
                 }
             }
         }
@@ -222,29 +227,24 @@ impl GpuVector {
         for channels in Self::channels(&[self]) {
             for slab in self.slabs(channels) {
                 let bindings = [self.binding(slab), low.binding(slab), high.binding(slab), scales.whole()];
-                self.gpu.dispatch(
-                    Kernel::FixedFinish,
-                    &self.params(slab),
-                    &[&bindings],
-                    self.workgroups(slab),
-                );
+                let (params, workgroups) =
+                    (self.params(slab), self.workgroups(slab.len as u32, slab.channels));
+                self.gpu.dispatch(Kernel::FixedFinish, &params, &[&bindings], workgroups);
             }
         }
     }
 }
 
 impl VectorParams {
-    /// With the bounds of a slab of a vector of `len` elements.
-    fn within(self, bounds: &Bounds, len: usize, slab: Slab) -> Self {
-        let [(_, [lower, upper]), (others, [then_lower, then_upper])] = bounds.parts(len);
-        Self {
-            then: others.start.saturating_sub(slab.first) as u32,
+    /// A slab's parameters, once a part of the bounds.
+    fn within(self, bounds: &Bounds, slab: Slab) -> impl Iterator<Item = Self> {
+        bounds.parts_of(slab.first..slab.first + slab.len).map(move |(part, [lower, upper])| Self {
+            first: (part.start - slab.first) as u32,
+            len: part.len() as u32,
             a: bound(lower),
             b: bound(upper),
-            then_a: bound(then_lower),
-            then_b: bound(then_upper),
             ..self
-        }
+        })
     }
 
     fn looking_at(self, other: &GpuVector, slab: Slab) -> Self {
@@ -362,7 +362,7 @@ impl Indexed for GpuVector {
     type Index = Index;
 
     fn index(&self, index: &Arc<[u32]>) -> Result<Index> {
-        let memory = Rc::new(self.gpu.upload("indices", index)?);
+        let memory = Arc::new(self.gpu.upload("indices", index)?);
         Ok(Index { memory, len: index.len() })
     }
 

@@ -1,7 +1,8 @@
 //! Operators whose rays are walked anew in every application.
 
-use std::cell::RefCell;
+use std::sync::Mutex;
 
+use super::device::lock;
 use super::fixed_point::{Accumulation, FixedSums};
 use super::recorder::Binding;
 use super::vector::{GpuVector, Slab};
@@ -11,7 +12,7 @@ use crate::Result;
 use crate::operator::{LinearOperator, Storage, Vector, expect_len};
 
 /// Rays on the device, and what they are walked through.
-pub(super) trait Rays: std::fmt::Debug {
+pub(super) trait Rays: std::fmt::Debug + Send + Sync {
     /// How many rows and elements there are.
     fn shape(&self) -> [usize; 2];
 
@@ -38,7 +39,7 @@ pub struct Walked {
     gpu: Gpu,
     rays: Box<dyn Rays>,
     accumulation: Accumulation,
-    fixed: Option<RefCell<FixedSums>>,
+    fixed: Option<Mutex<FixedSums>>,
 }
 
 impl Walked {
@@ -47,7 +48,7 @@ impl Walked {
         let [rows, elements] = rays.shape();
         let fixed = match accumulation {
             Accumulation::Fixed => {
-                Some(RefCell::new(FixedSums::new(gpu, elements, &GpuVector::zeros(gpu, rows))?))
+                Some(Mutex::new(FixedSums::new(gpu, elements, &GpuVector::zeros(gpu, rows))?))
             }
             Accumulation::Float | Accumulation::Swap => None,
         };
@@ -71,7 +72,7 @@ impl Walked {
                 self.rays.record(&self.gpu, consumer, [y, x], &bindings);
             }
             Some(fixed) => {
-                let mut fixed = fixed.borrow_mut();
+                let mut fixed = lock(fixed);
                 fixed.begin(&self.gpu, y, row_sums);
                 let [low, high] = &fixed.words;
                 self.rays.record(&self.gpu, consumer, [y, x], &|of_y, of_x| {

@@ -1,4 +1,4 @@
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use super::{LinearOperator, Vector};
 use crate::{Error, Result};
@@ -53,14 +53,13 @@ where
     }
 
     fn apply(&self, x: &B::Domain, y: &mut A::Range) -> Result<()> {
-        // A panic of another thread leaves numbers that are overwritten before they are read.
-        let inner = &mut *self.room.lock().unwrap_or_else(PoisonError::into_inner);
+        let inner = &mut *super::lock(&self.room);
         self.b.apply(x, inner)?;
         self.a.apply(inner, y)
     }
 
     fn apply_adjoint(&self, y: &A::Range, x: &mut B::Domain) -> Result<()> {
-        let inner = &mut *self.room.lock().unwrap_or_else(PoisonError::into_inner);
+        let inner = &mut *super::lock(&self.room);
         self.a.apply_adjoint(y, inner)?;
         self.b.apply_adjoint(inner, x)
     }

@@ -84,12 +84,9 @@ fn each<F: Real>(mine: &mut [[F; 3]], constants: Scalars, change: impl Fn(F, F) 
 }
 
 /// Whether channel c of an element x is at a bound and going down the gradient would leave the box.
-fn holds<F: Real>(bounds: &Bounds) -> impl Fn(usize, usize, F, F) -> bool + Sync + use<F> {
-    let bounds = *bounds;
-    move |element, c, x, gradient| {
-        let [lower, upper] = bounds.of(element);
-        (x <= F::of(lower[c]) && gradient > F::zero()) || (x >= F::of(upper[c]) && gradient < F::zero())
-    }
+fn holds<F: Real>(bounds: [Scalars; 2]) -> impl Fn(usize, F, F) -> bool + Sync {
+    let [lower, upper] = bounds.map(|bounds| bounds.map(F::of));
+    move |c, x, gradient| (x <= lower[c] && gradient > F::zero()) || (x >= upper[c] && gradient < F::zero())
 }
 
 fn add(a: Scalars, b: Scalars) -> Scalars {
@@ -184,17 +181,20 @@ impl<F: Real> Vector for CpuVector<F> {
     }
 
     fn hold(&mut self, x: &Self, gradient: &Self, bounds: &Bounds) {
-        let held = holds::<F>(bounds);
-        let partners = x.0.par_chunks(PIECE).zip(gradient.0.par_chunks(PIECE));
-        self.0.par_chunks_mut(PIECE).zip(partners).enumerate().for_each(|(piece, (mine, (x, gradient)))| {
-            for (k, ((mine, x), gradient)) in mine.iter_mut().zip(x).zip(gradient).enumerate() {
-                for c in 0..3 {
-                    if held(piece * PIECE + k, c, x[c], gradient[c]) {
-                        mine[c] = F::zero();
+        for (part, bounds) in bounds.parts(self.0.len()) {
+            let held = holds::<F>(bounds);
+            let partners =
+                x.0[part.clone()].par_chunks(PIECE).zip(gradient.0[part.clone()].par_chunks(PIECE));
+            self.0[part].par_chunks_mut(PIECE).zip(partners).for_each(|(mine, (x, gradient))| {
+                for ((mine, x), gradient) in mine.iter_mut().zip(x).zip(gradient) {
+                    for c in 0..3 {
+                        if held(c, x[c], gradient[c]) {
+                            mine[c] = F::zero();
+                        }
                     }
                 }
-            }
-        });
+            });
+        }
     }
 
     fn hold_at_bounds(&mut self, x: &Self, bounds: &Bounds) {
@@ -223,13 +223,14 @@ impl<F: Real> Vector for CpuVector<F> {
         let least = |a: Scalars, b: Scalars| std::array::from_fn(|c| a[c].min(b[c]));
         Ok(reduce(0..self.0.len(), least, &|piece| {
             let mut largest = [f64::INFINITY; 3];
-            for element in piece {
-                let (step, x, [lower, upper]) = (self.0[element], x.0[element], bounds.of(element));
-                for c in 0..3 {
-                    let step = step[c].wide();
-                    if step != 0.0 {
-                        let bound = if step < 0.0 { lower[c] } else { upper[c] };
-                        largest[c] = largest[c].min(((bound - x[c].wide()) / step).max(0.0));
+            for (part, [lower, upper]) in bounds.parts_of(piece) {
+                for (step, x) in self.0[part.clone()].iter().zip(&x.0[part]) {
+                    for c in 0..3 {
+                        let step = step[c].wide();
+                        if step != 0.0 {
+                            let bound = if step < 0.0 { lower[c] } else { upper[c] };
+                            largest[c] = largest[c].min(((bound - x[c].wide()) / step).max(0.0));
+                        }
                     }
                 }
             }
@@ -238,14 +239,15 @@ impl<F: Real> Vector for CpuVector<F> {
     }
 
     fn projected_norm_squared_later(&self, x: &Self, bounds: &Bounds) -> Result<Scalars> {
-        let held = holds::<F>(bounds);
         Ok(reduce(0..self.0.len(), add, &|piece| {
             let mut sum = [0.0; 3];
-            for element in piece {
-                let (gradient, x) = (self.0[element], x.0[element]);
-                for c in 0..3 {
-                    let kept = if held(element, c, x[c], gradient[c]) { 0.0 } else { gradient[c].wide() };
-                    sum[c] += kept * kept;
+            for (part, bounds) in bounds.parts_of(piece) {
+                let held = holds::<F>(bounds);
+                for (gradient, x) in self.0[part.clone()].iter().zip(&x.0[part]) {
+                    for c in 0..3 {
+                        let kept = if held(c, x[c], gradient[c]) { 0.0 } else { gradient[c].wide() };
+                        sum[c] += kept * kept;
+                    }
                 }
             }
             sum

@@ -3,7 +3,7 @@ use super::{Bounds, Scalars, Vector};
 /// A symmetric positive definite M that lengths of steps are measured with: ‖x‖² = xᵀ M x.
 ///
 /// The nearer M is to Aᵀ A, the fewer iterations a method takes.
-pub trait Metric<V> {
+pub trait Metric<V>: Send + Sync {
     /// v ← M v.
     fn stretch(&self, v: &mut V);
 

@@ -36,7 +36,7 @@ pub(crate) use transport::{brought, fetched};
 pub use walk_plan::WalkPlan;
 pub use weighted::Weighted;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::Result;
 
@@ -58,10 +58,10 @@ impl PendingSum for Scalars {
     }
 }
 
-/// A vector with three channels an element.
+/// A vector with three channels an element. Threads may share it.
 ///
 /// What a device is told to do it does later; where it fails, the next method that returns a result says so.
-pub trait Vector: Sized {
+pub trait Vector: Sized + Send + Sync {
     /// What a sum over the elements is until it is asked for: to ask for several together costs one wait.
     type Sum: PendingSum;
 
@@ -155,7 +155,7 @@ pub const NOWHERE: u32 = u32::MAX;
 /// Vectors whose elements can be picked out and put back by index.
 pub trait Indexed: Vector {
     /// Indices where the vector lives.
-    type Index: std::fmt::Debug;
+    type Index: std::fmt::Debug + Send + Sync;
 
     /// Brings indices to where the vector lives.
     fn index(&self, index: &Arc<[u32]>) -> Result<Self::Index>;
@@ -263,6 +263,13 @@ impl<O: LinearOperator> LinearOperator for Arc<O> {
     fn apply_adjoint(&self, y: &O::Range, x: &mut O::Domain) -> Result<()> {
         (**self).apply_adjoint(y, x)
     }
+}
+
+/// Room that an operator keeps for what lies between two of its steps. Threads take turns.
+///
+/// A panic of another thread leaves numbers that are overwritten before they are read.
+fn lock<T>(room: &Mutex<T>) -> MutexGuard<'_, T> {
+    room.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Whether a vector fits.

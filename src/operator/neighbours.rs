@@ -3,8 +3,7 @@
 //! Source  first differences as in Klehm 2015, sec. 7.4.2; boundary rows are left out, so that a constant has no
 //!         gradient and no Laplacian wherever the unknown elements end.
 
-use std::cell::RefCell;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use super::{Indexed, LinearOperator, NOWHERE};
 use crate::{Error, Result};
@@ -153,7 +152,7 @@ impl<V: Indexed> LinearOperator for Gradient<V> {
 #[derive(Debug)]
 pub struct Laplacian<V: Indexed> {
     gradient: Gradient<V>,
-    differences: RefCell<V>,
+    differences: Mutex<V>,
 }
 
 impl<V: Indexed> Laplacian<V> {
@@ -162,7 +161,7 @@ impl<V: Indexed> Laplacian<V> {
     /// Errors: where there is no room for the indices.
     pub fn new(neighbours: Arc<Neighbours>, prototype: &V) -> Result<Self> {
         let gradient = Gradient::new(neighbours, prototype)?;
-        let differences = RefCell::new(gradient.range());
+        let differences = Mutex::new(gradient.range());
         Ok(Self { gradient, differences })
     }
 }
@@ -180,7 +179,7 @@ impl<V: Indexed> LinearOperator for Laplacian<V> {
     }
 
     fn apply(&self, x: &V, y: &mut V) -> Result<()> {
-        let mut differences = self.differences.borrow_mut();
+        let mut differences = super::lock(&self.differences);
         self.gradient.apply(x, &mut differences)?;
         self.gradient.apply_adjoint(&differences, y)
     }

@@ -1,5 +1,4 @@
-use std::cell::RefCell;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use super::{Indexed, LinearOperator, Vector};
 use crate::{Error, Result};
@@ -12,7 +11,7 @@ pub struct Restricted<T: LinearOperator<Domain: Indexed>> {
     operator: T,
     columns: Arc<[u32]>,
     index: <T::Domain as Indexed>::Index,
-    full: RefCell<T::Domain>,
+    full: Mutex<T::Domain>,
 }
 
 impl<T: LinearOperator<Domain: Indexed>> Restricted<T> {
@@ -27,7 +26,7 @@ impl<T: LinearOperator<Domain: Indexed>> Restricted<T> {
             return Err(Error::value("columns", columns.len(), "increasing indices of columns"));
         }
         let index = full.index(&columns)?;
-        Ok(Self { operator, columns, index, full: RefCell::new(full) })
+        Ok(Self { operator, columns, index, full: Mutex::new(full) })
     }
 
     /// The operator with all its columns.
@@ -53,7 +52,7 @@ impl<T: LinearOperator<Domain: Indexed>> LinearOperator for Restricted<T> {
     type Range = T::Range;
 
     fn domain(&self) -> T::Domain {
-        self.full.borrow().zeros(self.columns.len())
+        super::lock(&self.full).zeros(self.columns.len())
     }
 
     fn range(&self) -> T::Range {
@@ -62,14 +61,14 @@ impl<T: LinearOperator<Domain: Indexed>> LinearOperator for Restricted<T> {
 
     fn apply(&self, x: &T::Domain, y: &mut T::Range) -> Result<()> {
         super::expect_len("x", x, self.columns.len())?;
-        let mut full = self.full.borrow_mut();
+        let mut full = super::lock(&self.full);
         full.place(x, &self.index);
         self.operator.apply(&full, y)
     }
 
     fn apply_adjoint(&self, y: &T::Range, x: &mut T::Domain) -> Result<()> {
         super::expect_len("x", x, self.columns.len())?;
-        let mut full = self.full.borrow_mut();
+        let mut full = super::lock(&self.full);
         self.operator.apply_adjoint(y, &mut full)?;
         x.pick(&full, &self.index);
         Ok(())

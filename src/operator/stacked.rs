@@ -1,4 +1,4 @@
-use std::cell::RefCell;
+use std::sync::Mutex;
 
 use super::{Bounds, LinearOperator, PendingSum, Scalars, Vector};
 use crate::{Error, Result};
@@ -6,25 +6,31 @@ use crate::{Error, Result};
 /// Blocks of a stack at most: the data and what may regularize them.
 const MOST_BLOCKS: usize = 8;
 
+/// An operator of a stack, which threads may share.
+type Block<'a, V> = dyn LinearOperator<Domain = V, Range = V> + Send + Sync + 'a;
+
 /// [A; B; …]: operators on the same unknowns, one above the other.
 ///
 /// A regularized problem is the plain least-squares problem of the transport stacked on its regularizers.
 pub struct Stacked<'a, V> {
-    blocks: Vec<Box<dyn LinearOperator<Domain = V, Range = V> + 'a>>,
-    scratch: RefCell<V>,
+    blocks: Vec<Box<Block<'a, V>>>,
+    scratch: Mutex<V>,
 }
 
 impl<'a, V: Vector> Stacked<'a, V> {
     /// One operator, to be stacked on others.
-    pub fn new(uppermost: impl LinearOperator<Domain = V, Range = V> + 'a) -> Self {
-        let scratch = RefCell::new(uppermost.domain());
+    pub fn new(uppermost: impl LinearOperator<Domain = V, Range = V> + Send + Sync + 'a) -> Self {
+        let scratch = Mutex::new(uppermost.domain());
         Self { blocks: vec![Box::new(uppermost)], scratch }
     }
 
     /// The same with another operator below.
     ///
     /// Errors: [`Error::Shape`] when it acts on another number of unknowns, or is one too many.
-    pub fn over(mut self, lower: impl LinearOperator<Domain = V, Range = V> + 'a) -> Result<Self> {
+    pub fn over(
+        mut self,
+        lower: impl LinearOperator<Domain = V, Range = V> + Send + Sync + 'a,
+    ) -> Result<Self> {
         if self.blocks.len() == MOST_BLOCKS {
             return Err(Error::Shape {
                 what: "a stack (blocks)",
@@ -32,7 +38,7 @@ impl<'a, V: Vector> Stacked<'a, V> {
                 got: MOST_BLOCKS + 1,
             });
         }
-        super::expect_len("the lower operator's domain", &lower.domain(), self.scratch.borrow().len())?;
+        super::expect_len("the lower operator's domain", &lower.domain(), super::lock(&self.scratch).len())?;
         self.blocks.push(Box::new(lower));
         Ok(self)
     }
@@ -59,7 +65,7 @@ impl<V: Vector> LinearOperator for Stacked<'_, V> {
     type Range = Blocks<V>;
 
     fn domain(&self) -> V {
-        self.scratch.borrow().zeros_like()
+        super::lock(&self.scratch).zeros_like()
     }
 
     fn range(&self) -> Blocks<V> {
@@ -74,7 +80,7 @@ impl<V: Vector> LinearOperator for Stacked<'_, V> {
     fn apply_adjoint(&self, y: &Blocks<V>, x: &mut V) -> Result<()> {
         y.expect(self.blocks.len())?;
         self.blocks[0].apply_adjoint(&y.0[0], x)?;
-        let mut lower = self.scratch.borrow_mut();
+        let mut lower = super::lock(&self.scratch);
         for (block, y) in self.blocks.iter().zip(&y.0).skip(1) {
             block.apply_adjoint(y, &mut lower)?;
             x.axpby([1.0; 3], &lower, [1.0; 3]);

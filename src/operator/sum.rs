@@ -1,4 +1,4 @@
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use super::{LinearOperator, Vector};
 use crate::{Error, Result};
@@ -54,8 +54,7 @@ where
     }
 
     fn apply(&self, x: &A::Domain, y: &mut A::Range) -> Result<()> {
-        // A panic of another thread leaves numbers that are overwritten before they are read.
-        let (rows, _) = &mut *self.room.lock().unwrap_or_else(PoisonError::into_inner);
+        let (rows, _) = &mut *super::lock(&self.room);
         self.a.apply(x, y)?;
         self.b.apply(x, rows)?;
         y.axpby([1.0; 3], rows, [1.0; 3]);
@@ -63,7 +62,7 @@ where
     }
 
     fn apply_adjoint(&self, y: &A::Range, x: &mut A::Domain) -> Result<()> {
-        let (_, columns) = &mut *self.room.lock().unwrap_or_else(PoisonError::into_inner);
+        let (_, columns) = &mut *super::lock(&self.room);
         self.a.apply_adjoint(y, x)?;
         self.b.apply_adjoint(y, columns)?;
         x.axpby([1.0; 3], columns, [1.0; 3]);

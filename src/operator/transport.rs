@@ -20,7 +20,7 @@ pub struct Storage {
 }
 
 /// `T` of a problem, wherever it is computed.
-pub trait TransportOperator: LinearOperator<Domain = Self::Vector, Range = Self::Vector> {
+pub trait TransportOperator: LinearOperator<Domain = Self::Vector, Range = Self::Vector> + Sync {
     /// Vectors that live where it computes.
     type Vector: Indexed + 'static;
 

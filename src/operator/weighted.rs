@@ -1,4 +1,4 @@
-use std::cell::RefCell;
+use std::sync::Mutex;
 
 use super::{LinearOperator, Vector};
 use crate::{Error, Result};
@@ -10,7 +10,7 @@ use crate::{Error, Result};
 pub struct Weighted<T: LinearOperator> {
     operator: T,
     factors: T::Range,
-    scratch: RefCell<T::Range>,
+    scratch: Mutex<T::Range>,
 }
 
 impl<T: LinearOperator> Weighted<T> {
@@ -24,7 +24,7 @@ impl<T: LinearOperator> Weighted<T> {
                 return Err(Error::value(format!("weights[{row}]"), factor, "finite and not negative"));
             }
         }
-        let scratch = RefCell::new(factors.zeros_like());
+        let scratch = Mutex::new(factors.zeros_like());
         Ok(Self { operator, factors, scratch })
     }
 
@@ -58,7 +58,7 @@ impl<T: LinearOperator> LinearOperator for Weighted<T> {
     }
 
     fn apply_adjoint(&self, y: &T::Range, x: &mut T::Domain) -> Result<()> {
-        let mut weighted = self.scratch.borrow_mut();
+        let mut weighted = super::lock(&self.scratch);
         weighted.copy_from(y);
         weighted.multiply(&self.factors);
         self.operator.apply_adjoint(&weighted, x)

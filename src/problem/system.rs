@@ -94,7 +94,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
 
     /// What a method solves.
     pub fn problem(&self) -> LeastSquares<'_, Stacked<'a, V>> {
-        let problem = LeastSquares::new(&self.operator, &self.rhs).bounded(self.bounds);
+        let problem = LeastSquares::new(&self.operator, &self.rhs).bounded(self.bounds.clone());
         match &self.metric {
             Some(metric) => problem.measured(&**metric),
             None => problem,
@@ -169,15 +169,13 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
         } else {
             weighted(Restricted::new(operator, columns.clone())?, factors, problem.targets)?
         };
-        let bounds = if settings.solver.keeps_bounds() { problem.bounds } else { Bounds::NONE };
-        let bounds = match problem.bounds.parts(problem.start.len()) {
-            [_, (others, _)] if others.is_empty() => bounds,
-            [_, (others, [lower, upper])] if settings.solver.keeps_bounds() => {
-                let before = columns.partition_point(|&column| (column as usize) < others.start);
-                bounds.then(before, Bounds::new(lower, upper)?)
+        let mut bounds = Bounds::NONE;
+        if settings.solver.keeps_bounds() {
+            for (part, [lower, upper]) in problem.bounds.parts(problem.start.len()) {
+                let before = columns.partition_point(|&column| (column as usize) < part.start);
+                bounds = bounds.then(before, Bounds::new(lower, upper)?);
             }
-            _ => bounds,
-        };
+        }
         Ok(Self {
             operator,
             rhs: Blocks(vec![targets]),
@@ -345,7 +343,7 @@ impl<'a, V: Indexed + 'static> System<'a, V> {
 
 /// The regularizers of one lattice of unknowns, without their weights.
 struct Regularizers<V: Indexed> {
-    tikhonov: Box<dyn LinearOperator<Domain = V, Range = V>>,
+    tikhonov: Box<dyn LinearOperator<Domain = V, Range = V> + Send + Sync>,
     /// λ of each unknown's pull towards its start, relative to [`Weights::tikhonov`].
     pulls: Vec<f64>,
     /// None where nothing asks for them.
@@ -382,7 +380,7 @@ impl<V: Indexed> Regularizers<V> {
 
 /// The data's rows, each times the root of its weight, and their targets likewise.
 fn weighted<'a, V: Indexed + 'static>(
-    operator: impl LinearOperator<Domain = V, Range = V> + 'a,
+    operator: impl LinearOperator<Domain = V, Range = V> + Send + Sync + 'a,
     factors: V,
     targets: &[Rgb],
 ) -> Result<(Stacked<'a, V>, V)> {

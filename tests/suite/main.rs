@@ -7,6 +7,7 @@
 )]
 #![allow(missing_docs, unreachable_pub, reason = "nothing here is public")]
 
+mod bounds;
 #[cfg(unix)]
 mod card;
 #[cfg(feature = "cli")]
@@ -23,6 +24,7 @@ mod render;
 mod scenes;
 mod solve;
 mod surroundings;
+mod threads;
 mod tolerances;
 mod traversal;
 mod vdb_peer;

@@ -179,14 +179,12 @@ fn members_lie_where_the_kernels_look_for_them() {
                 other_stride,
                 again,
                 results,
-                then,
+                first,
                 pad0,
                 pad1,
                 pad2,
                 a,
-                b,
-                then_a,
-                then_b
+                b
             ]
         );
     }
@@ -263,10 +261,6 @@ fn members_lie_where_the_kernels_look_for_them() {
         [rows, y_first, y_stride, channel, x_stride, nonzeros, pad0, pad1]
     );
     let tiles = Kernel::Tiles { colored: false, channels: 3, operation: TileOperation::Descend };
-    same_layout!(
-        tiles,
-        "Tiles",
-        layout::Tiles,
-        [tiles, stride, channel, then, lower, upper, then_lower, then_upper, shorter]
-    );
+    same_layout!(tiles, "Tiles", layout::Tiles, [tiles, stride, channel, parts, shorter]);
+    same_layout!(tiles, "Part", layout::Part, [lower, upper, begin, pad0, pad1, pad2]);
 }

@@ -1,6 +1,6 @@
 //! One quantity of a volume on the device.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -20,7 +20,7 @@ use crate::{Error, Result};
 #[derive(Debug)]
 pub(super) struct Medium {
     slots: Vec<u32>,
-    sigma: Rc<Allocation>,
+    sigma: Arc<Allocation>,
 }
 
 impl Medium {
@@ -32,7 +32,7 @@ impl Medium {
         let some = slots(density.cells());
         let keeps = |brick: usize| is_used && some[brick] == 0;
         let Pool { slots, values } = Pool::new(density.volume(), density.interpolation(), keeps);
-        Ok(Self { slots, sigma: Rc::new(upload(gpu, "the medium", &values)?) })
+        Ok(Self { slots, sigma: Arc::new(upload(gpu, "the medium", &values)?) })
     }
 }
 
@@ -45,7 +45,7 @@ pub(super) struct WalkedPart {
     pub(super) len: usize,
     /// Memory of the second group of bindings.
     pub(super) bricks: Allocation,
-    pub(super) sigma: Rc<Allocation>,
+    pub(super) sigma: Arc<Allocation>,
     pub(super) lights: Allocation,
     pub(super) volume: Allocation,
     /// Tracks, slab by slab of the rows: the first row, and how many.

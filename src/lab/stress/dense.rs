@@ -105,7 +105,7 @@ impl Problem {
     pub(super) fn run(&self, setting: &Setting, name: SolverName, limits: &Limits) -> Result<Ended> {
         let operator = Dense::of(self, setting);
         let (b, x0) = (CpuVector(self.b.clone()), CpuVector(self.x0.clone()));
-        let least_squares = LeastSquares::new(&operator, &b).bounded(self.bounds);
+        let least_squares = LeastSquares::new(&operator, &b).bounded(self.bounds.clone());
         let mut method = method(name, &operator);
         let outcome =
             drive(&mut *method, &least_squares, Beginning::At(&x0), limits, |_, _| Ok(Control::Continue))?;
@@ -114,7 +114,7 @@ impl Problem {
 
     /// What is true of an x that a method has ended at.
     pub(super) fn judged(&self, name: SolverName, x: Vec<[f64; 3]>, outcome: Outcome) -> Ended {
-        let bounds = if name.keeps_bounds() { self.bounds } else { Bounds::NONE };
+        let bounds = if name.keeps_bounds() { self.bounds.clone() } else { Bounds::NONE };
         let at_start = self.gradient(&self.x0, &bounds);
         let at_end = self.gradient(&x, &bounds);
         let largest = at_start.iter().copied().fold(0.0, f64::max);

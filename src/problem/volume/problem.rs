@@ -197,7 +197,7 @@ impl VolumeProblem {
             wanted: self.wanted,
             start: Start::Each(&self.start),
             lattice: Lattice { size: &self.size, places: Some(&self.places) },
-            bounds: self.bounds,
+            bounds: self.bounds.clone(),
             steering: self.steering,
             remedy: match self.find {
                 Find::Albedo => "raise the extinction, or the light",
@@ -231,6 +231,7 @@ impl VolumeProblem {
             start: self.start.clone(),
             places: self.places.clone(),
             size: self.size.clone(),
+            bounds: self.bounds.clone(),
             ..*self
         }
     }

@@ -45,15 +45,28 @@ impl<const C: usize> MatrixRows<f32, C> for Random<C> {
 }
 
 /// Everything that a metric does, on the host.
-fn metric_at_work<V: Indexed>(metric: &dyn Metric<V>, zeros: &V, unknowns: usize) -> [Vec<[f64; 3]>; 3] {
-    let bounds = Bounds::new([0.0, -0.2, f64::NEG_INFINITY], [0.4, f64::INFINITY, f64::INFINITY]).unwrap();
+fn metric_at_work<V: Indexed>(metric: &dyn Metric<V>, zeros: &V, unknowns: usize) -> [Vec<[f64; 3]>; 6] {
     let (mut stretched, mut shrunk) = (random(zeros.zeros(unknowns), 1), random(zeros.zeros(unknowns), 2));
     metric.stretch(&mut stretched);
     metric.shrink(&mut shrunk);
-    let (mut x, mut y) = (random(zeros.zeros(unknowns), 3), random(zeros.zeros(unknowns), 4));
-    y.clamp(&bounds);
-    metric.descend(&mut x, &y, [1.0, 2.0, 0.5], &bounds);
-    [stretched, shrunk, x].map(|vector| vector.to_host().unwrap())
+    let [one, two, three, four] = parts().map(|bounds| {
+        let (mut x, mut y) = (random(zeros.zeros(unknowns), 3), random(zeros.zeros(unknowns), 4));
+        y.clamp(&bounds);
+        metric.descend(&mut x, &y, [1.0, 2.0, 0.5], &bounds);
+        x
+    });
+    [stretched, shrunk, one, two, three, four].map(|vector| vector.to_host().unwrap())
+}
+
+/// Bounds of one to four parts; tiles are 8 × 8 of 23 × 17, so that every boundary goes through several.
+fn parts() -> [Bounds; 4] {
+    const NONE: f64 = f64::INFINITY;
+    let of = |lower, upper| Bounds::new(lower, upper).unwrap();
+    let one = of([0.0, -0.2, -NONE], [0.4, NONE, NONE]);
+    let two = one.clone().then(31, of([-0.4; 3], [0.1, 0.2, NONE]));
+    let three = two.clone().then(33, of([0.2; 3], [NONE; 3]));
+    let four = three.clone().then(201, of([-NONE, -0.3, -NONE], [0.3, 0.0, -0.1]));
+    [one, two, three, four]
 }
 
 fn tiles<const C: usize>(gpu: &Gpu) {
@@ -64,7 +77,8 @@ fn tiles<const C: usize>(gpu: &Gpu) {
     let there = gpu::TileMetric::new(gpu, columns.len(), C, metric.blocks()).unwrap();
     let truth = metric_at_work(&metric, &CpuVector::zeros(0), columns.len());
     let got = metric_at_work(&there, &device(gpu, 0), columns.len());
-    for (name, (truth, got)) in ["stretch", "shrink", "descend"].into_iter().zip(truth.iter().zip(&got)) {
+    let names = ["stretch", "shrink", "one part", "two parts", "three parts", "four parts"];
+    for (name, (truth, got)) in names.into_iter().zip(truth.iter().zip(&got)) {
         let error = relative_difference(got, truth);
         assert!(error <= DEVICE_TILES, "{name}: {error:e}");
     }
@@ -74,7 +88,9 @@ fn tiles<const C: usize>(gpu: &Gpu) {
     blocks[1].1.chunks_exact_mut(C).for_each(|entry| entry[0] *= 1.1);
     let sabotaged = gpu::TileMetric::new(gpu, columns.len(), C, blocks.iter().map(|(m, b)| (&m[..], &b[..])));
     let got = metric_at_work(&sabotaged.unwrap(), &device(gpu, 0), columns.len());
-    assert!((0..3).all(|k| relative_difference(&got[k], &truth[k]) > DEVICE_TILES));
+    assert!((0..6).all(|k| relative_difference(&got[k], &truth[k]) > DEVICE_TILES));
+    // So are the bounds of the step before.
+    assert!((2..6).all(|k| relative_difference(&truth[k], &truth[2 + (k + 3) % 4]) > DEVICE_TILES));
 }
 
 #[test]

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use unscatter::gpu::{Choice, Gpu, GpuVector};
 use unscatter::operator::{
-    Bounds, CpuVector, Gradient, Indexed, Laplacian, NOWHERE, Neighbours, PendingSum, Vector, adjoint_test,
+    Bounds, CpuVector, Gradient, Indexed, Laplacian, LinearOperator, Metric, NOWHERE, Neighbours, PendingSum,
+    Scaling, Vector, adjoint_test,
 };
 
 use super::{device, gpu, host, narrow, open, products, random, relative_difference};
@@ -19,14 +20,19 @@ fn ways() -> [Gpu; 4] {
 
 const LENGTHS: [usize; 4] = [0, 1, 257, 5003];
 
+/// Bounds of one, two, three and four parts, whose beginnings are multiples of nothing and lie in three slabs of 512.
+fn parts() -> [Bounds; 4] {
+    const NONE: f64 = f64::INFINITY;
+    let of = |lower, upper| Bounds::new(lower, upper).unwrap();
+    let one = of([-0.5, 0.0, -NONE], [0.25, NONE, 0.75]);
+    let two = one.clone().then(103, of([0.0; 3], [NONE; 3]));
+    let three = two.clone().then(109, of([-NONE; 3], [0.125, NONE, 0.375]));
+    let four = three.clone().then(3331, of([-0.25, -NONE, 0.125], [0.375, -0.125, 0.125]));
+    [one, two, three, four]
+}
+
 /// All operations that change elements, one after the other on the same vectors, each seen.
 fn changes<V: Indexed>(prototype: &V, len: usize) -> Vec<(&'static str, Vec<[f64; 3]>)> {
-    let bounds = Bounds::new([-0.5, 0.0, f64::NEG_INFINITY], [0.25, f64::INFINITY, 0.75]).unwrap();
-    let x = {
-        let mut x = random(prototype.zeros(len), 3);
-        x.clamp(&bounds);
-        x
-    };
     let y = random(prototype.zeros(len), 5);
     let mut seen = Vec::new();
     let mut see = |name, change: &dyn Fn(&mut V)| {
@@ -47,10 +53,19 @@ fn changes<V: Indexed>(prototype: &V, len: usize) -> Vec<(&'static str, Vec<[f64
         mine.clamp(&Bounds::NOT_NEGATIVE);
         mine.invert();
     });
-    see("clamp", &|mine| mine.clamp(&bounds));
-    see("hold", &|mine| mine.hold(&x, &y, &bounds));
-    see("hold_at_bounds", &|mine| mine.hold_at_bounds(&x, &bounds));
-    see("shorten", &|mine| mine.shorten(&x, &bounds));
+    for bounds in parts() {
+        let mut x = random(prototype.zeros(len), 3);
+        x.clamp(&bounds);
+        see("clamp", &|mine| mine.clamp(&bounds));
+        see("hold", &|mine| mine.hold(&x, &y, &bounds));
+        see("hold_at_bounds", &|mine| mine.hold_at_bounds(&x, &bounds));
+        see("shorten", &|mine| mine.shorten(&x, &bounds));
+        see("descend", &|mine| {
+            let mut scale = prototype.zeros(len);
+            scale.fill([0.5, 2.0, 4.0]);
+            Scaling::new(scale, false).descend(mine, &x, [3.0, 2.0, 0.5], &bounds);
+        });
+    }
     if len > 0 {
         let mut n = Numbers(11);
         let mut index = |nowhere: bool| -> V::Index {
@@ -86,6 +101,54 @@ fn changes_are_those_of_the_twin() {
     }
 }
 
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn a_part_costs_a_dispatch_and_one_that_begins_late_is_noticed() {
+    let gpu = gpu();
+    let (mut x, x0) = (random(device(&gpu, 5003), 7), random(device(&gpu, 5003), 3));
+    for (dispatches, bounds) in (1..).zip(parts()) {
+        let before = gpu.dispatches();
+        x.clamp(&bounds);
+        assert_eq!(gpu.dispatches() - before, dispatches);
+        let _sum = x.projected_norm_squared_later(&x0, &bounds).unwrap();
+        assert_eq!(gpu.dispatches() - before, 2 * dispatches);
+    }
+    let [.., three, four] = parts();
+    let clamped = |bounds: &Bounds| {
+        let mut x = random(device(&gpu, 5003), 7);
+        x.clamp(bounds);
+        x.to_host().unwrap()
+    };
+    let late =
+        three.then(3332, Bounds::new([-0.25, f64::NEG_INFINITY, 0.125], [0.375, -0.125, 0.125]).unwrap());
+    assert!(relative_difference(&clamped(&late), &clamped(&four)) > DEVICE_ELEMENT);
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn threads_that_share_an_adapter_get_what_each_would_get_alone() {
+    let gpu = gpu();
+    let columns: Vec<u32> = (0..57 * 41).filter(|k| k % 7 != 3).collect();
+    let neighbours = Arc::new(Neighbours::new(&[57, 41], &columns).unwrap());
+    let laplacian = Laplacian::new(neighbours, &device(&gpu, 0)).unwrap();
+    let round = |seed: u64| {
+        let (x, y) =
+            (random(device(&gpu, columns.len()), seed), random(device(&gpu, columns.len()), seed + 1));
+        // The room between both steps of the operator is shared, too.
+        let mut z = device(&gpu, columns.len());
+        laplacian.apply(&x, &mut z).unwrap();
+        let sums = [x.dot_later(&y).unwrap(), z.dot_later(&y).unwrap()];
+        (sums.map(|sum| sum.value().unwrap()), z.to_host().unwrap())
+    };
+    let alone: Vec<_> = (0..4).map(round).collect();
+    std::thread::scope(|scope| {
+        for (seed, alone) in (0..).zip(&alone) {
+            scope.spawn(move || (0..20).for_each(|_| assert!(round(seed) == *alone)));
+        }
+    });
+    assert!(alone[0] != alone[1]);
+}
+
 /// All reductions: in f64 on the host, or as the device makes them.
 fn sums<V: Vector>(zeros: V, bounds: &Bounds) -> Vec<(&'static str, [f64; 3])> {
     let x = {
@@ -108,7 +171,7 @@ fn sums_are_those_of_the_twin() {
     let boxed = Bounds::new([-0.5, 0.0, f64::NEG_INFINITY], [0.25, f64::INFINITY, f64::INFINITY]).unwrap();
     for gpu in ways() {
         for len in [0, 1, 257, 5003, 100_003] {
-            for bounds in [Bounds::NONE, boxed] {
+            for bounds in [Bounds::NONE, boxed.clone()].into_iter().chain(parts()) {
                 let truth = sums(CpuVector::<f64>::zeros(len), &bounds);
                 // |terms| of every sum here are at most 1, and most of them count.
                 let scale = (len as f64).max(1.0);

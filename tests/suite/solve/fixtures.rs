@@ -110,7 +110,7 @@ fn each(mut check: impl FnMut(&str, &Variant, &CpuVector<f64>, [f64; 3])) {
             stacked.apply_adjoint(&sums, &mut ones).unwrap();
             let scaling = Scaling::new(ones, true);
             let bounds = Bounds::new([variant.lower; 3], [variant.upper; 3]).unwrap();
-            let plain = LeastSquares::new(&stacked, &rhs).bounded(bounds);
+            let plain = LeastSquares::new(&stacked, &rhs).bounded(bounds.clone());
             let methods: Vec<Box<dyn Method<_> + '_>> = if bounds == Bounds::NONE {
                 // Without a metric, because that would change which solution is nearest to the start.
                 vec![
@@ -127,7 +127,7 @@ fn each(mut check: impl FnMut(&str, &Variant, &CpuVector<f64>, [f64; 3])) {
                 ]
             };
             for mut method in methods {
-                let problem = LeastSquares::new(&stacked, &rhs).bounded(bounds);
+                let problem = LeastSquares::new(&stacked, &rhs).bounded(bounds.clone());
                 let problem = if bounds == Bounds::NONE { problem } else { problem.measured(&scaling) };
                 // Plain gradient steps are too slow for a condition of a million.
                 if method.name() == "spectral" && fixture.name.starts_with("hilbert") {

@@ -105,7 +105,7 @@ fn solved_at_the_start_zero_rhs_one_unknown_one_row_and_none() {
             for mut method in all(&dense) {
                 let name = format!("{} {rows} × {columns}", method.name());
                 let zero = dense.range();
-                let problem = LeastSquares::new(&dense, &zero).bounded(bounds);
+                let problem = LeastSquares::new(&dense, &zero).bounded(bounds.clone());
                 let outcome = run(&mut *method, &problem, &dense.domain(), &Limits::new(10, 1e-9));
                 assert_eq!(
                     (outcome.stop.reason, outcome.stop.iteration),
@@ -114,7 +114,7 @@ fn solved_at_the_start_zero_rhs_one_unknown_one_row_and_none() {
                 );
                 assert!(method.solution().0.iter().all(|x| *x == [0.0; 3]), "{name}");
                 let b = rhs(rows, 1);
-                let problem = LeastSquares::new(&dense, &b).bounded(bounds);
+                let problem = LeastSquares::new(&dense, &b).bounded(bounds.clone());
                 let outcome = run(&mut *method, &problem, &dense.domain(), &Limits::new(3000, 1e-7));
                 if !["flexible-cgls", "clamped-cgls"].contains(&method.name()) {
                     assert_eq!(outcome.stop.reason, StopReason::Tolerance, "{name} {outcome:?}");
@@ -140,7 +140,7 @@ fn within_bounds_the_solution_is_kept_and_the_certificate_is_true() {
     start.fill([0.4, 0.05, -0.3]);
     let mut found: Vec<CpuVector<f64>> = Vec::new();
     for with_metric in [true, false] {
-        let problem = LeastSquares::new(&dense, &b).bounded(bounds);
+        let problem = LeastSquares::new(&dense, &b).bounded(bounds.clone());
         let problem = if with_metric { problem.measured(&scaling) } else { problem };
         for mut method in bounded(&dense) {
             let limits = Limits::new(20_000, 1e-10);

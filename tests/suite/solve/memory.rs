@@ -24,7 +24,8 @@ fn a_method_keeps_as_many_vectors_as_it_says() {
     for make in makers {
         dense.count_anew();
         let method = make(&dense);
-        let made = Vectors { domain: dense.domains.get(), range: dense.ranges.get() };
+        let [domain, range] = dense.asked_for();
+        let made = Vectors { domain, range };
         assert_eq!(made, method.vectors(), "{}", method.name());
     }
 }
@@ -50,7 +51,7 @@ fn neither_beginning_nor_iterating_takes_memory() {
                 }
             });
             assert_eq!(taken.count_total, 0, "{}", method.name());
-            assert_eq!((dense.domains.get(), dense.ranges.get()), (0, 0), "{}", method.name());
+            assert_eq!(dense.asked_for(), [0, 0], "{}", method.name());
         }
         // The measure sees what is taken.
         let taken = allocation_counter::measure(|| drop(std::hint::black_box(CpuVector::<f64>::zeros(8))));

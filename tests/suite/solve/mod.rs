@@ -8,7 +8,7 @@ mod limits;
 mod memory;
 mod tiles;
 
-use std::cell::Cell;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::DMatrix;
 use unscatter::Result;
@@ -23,19 +23,24 @@ use crate::scenes::Numbers;
 /// A dense matrix as an operator that takes no memory when applied, and counts the vectors that are asked of it.
 pub struct Dense {
     pub matrix: DMatrix<f64>,
-    pub domains: Cell<usize>,
-    pub ranges: Cell<usize>,
+    domains: AtomicUsize,
+    ranges: AtomicUsize,
 }
 
 impl Dense {
     pub fn new(matrix: DMatrix<f64>) -> Self {
-        Self { matrix, domains: Cell::new(0), ranges: Cell::new(0) }
+        Self { matrix, domains: AtomicUsize::new(0), ranges: AtomicUsize::new(0) }
     }
 
     /// Forgets the vectors that were asked for.
     pub fn count_anew(&self) {
-        self.domains.set(0);
-        self.ranges.set(0);
+        self.domains.store(0, Ordering::Relaxed);
+        self.ranges.store(0, Ordering::Relaxed);
+    }
+
+    /// How many vectors of the domain and of the range were asked for.
+    pub fn asked_for(&self) -> [usize; 2] {
+        [&self.domains, &self.ranges].map(|count| count.load(Ordering::Relaxed))
     }
 
     /// |A|ᵀ |A| 1, which majorizes Aᵀ A.
@@ -51,12 +56,12 @@ impl LinearOperator for Dense {
     type Range = CpuVector<f64>;
 
     fn domain(&self) -> CpuVector<f64> {
-        self.domains.set(self.domains.get() + 1);
+        self.domains.fetch_add(1, Ordering::Relaxed);
         CpuVector::zeros(self.matrix.ncols())
     }
 
     fn range(&self) -> CpuVector<f64> {
-        self.ranges.set(self.ranges.get() + 1);
+        self.ranges.fetch_add(1, Ordering::Relaxed);
         CpuVector::zeros(self.matrix.nrows())
     }
 

@@ -136,6 +136,61 @@ fn a_step_stays_inside_and_leads_down() {
     }
 }
 
+/// The step of [`Metric::descend`] number by number, the bounds looked up for each.
+fn plain_step(
+    matrix: &DMatrix<f64>,
+    [g, y]: [&CpuVector<f64>; 2],
+    (norm, channel): (f64, usize),
+    bounds: &Bounds,
+) -> Vec<f64> {
+    let bound = |k: usize| bounds.of(k).map(|bound| bound[channel]);
+    let at = |k: usize| y.0[k][channel];
+    let limit = |k: usize, d: f64| d.max(bound(k)[0] - at(k)).min(bound(k)[1] - at(k));
+    let slope = |k: usize| g.0[k][channel] / norm;
+    let mut d = DVector::from_fn(y.len(), |k, _| limit(k, -slope(k) / matrix.row(k).sum()));
+    for k in (0..y.len()).chain((0..y.len()).rev()) {
+        let step = (slope(k) + (matrix.row(k) * &d)[0]) / matrix[(k, k)];
+        d[k] = limit(k, d[k] - step);
+    }
+    (0..y.len()).map(|k| (at(k) + d[k]).max(bound(k)[0]).min(bound(k)[1])).collect()
+}
+
+#[test]
+fn every_member_of_a_tile_is_held_to_the_bounds_of_its_part() {
+    let (sparse, columns, dense, weights, added) = problem();
+    let metric = TileMetric::new(&sparse, &Tiling::new(SIZE, &columns), &weights, &added).unwrap();
+    let mut n = Numbers(29);
+    let mut uniform = |low: f64, high: f64| {
+        let mut v = dense.domain();
+        v.0.iter_mut().for_each(|v| *v = std::array::from_fn(|_| n.uniform(low, high)));
+        v
+    };
+    let (g, norm) = (uniform(-3.0, 3.0), [1.0, 2.0, 0.5]);
+    let of = |lower: f64, upper: f64| Bounds::new([lower; 3], [upper; 3]).unwrap();
+    // Tiles are 8 × 8 of 19 × 13, so every boundary goes through several.
+    let two = of(0.0, 0.6).then(31, of(-0.4, 0.1));
+    let three = two.clone().then(33, of(0.2, f64::INFINITY));
+    let four = three.clone().then(101, of(f64::NEG_INFINITY, 0.3));
+    for bounds in [of(0.0, 0.6), two, three, four.clone()] {
+        let mut y = uniform(-1.0, 1.0);
+        y.clamp(&bounds);
+        let mut x = g.clone();
+        metric.descend(&mut x, &y, norm, &bounds);
+        let apart = |bounds: &Bounds| -> f64 {
+            let of_channel = |c: usize| {
+                let matrix = explicit(&metric, columns.len(), c);
+                let plain = plain_step(&matrix, [&g, &y], (norm[c], c), bounds);
+                x.0.iter().zip(plain).map(|(x, plain)| (x[c] - plain).abs()).fold(0.0, f64::max)
+            };
+            (0..3).map(of_channel).fold(0.0, f64::max)
+        };
+        assert!(apart(&bounds) <= 1e-12, "{:e}", apart(&bounds));
+        if bounds == four {
+            assert!(apart(&four.clone().then(102, of(0.0, 1.0))) > 1e-6);
+        }
+    }
+}
+
 #[test]
 fn methods_that_use_it_find_the_same_solution_in_fewer_iterations() {
     let (sparse, columns, dense, weights, _) = problem();
