@@ -19,6 +19,7 @@ mod job;
 mod layers;
 mod mutation;
 mod operator;
+mod problems;
 mod render;
 #[path = "../scenes/mod.rs"]
 mod scenes;

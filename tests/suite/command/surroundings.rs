@@ -53,7 +53,7 @@ fn every_command_knows_the_surroundings() {
     assert!(verdicts.as_array().unwrap().iter().all(|verdict| verdict["holds"] == true));
     let plan = desk.done(&["plan", "scene.json", "--json", "-q"]).json();
     assert_eq!(plan["surrounding_unknowns"], 7);
-    assert!(plan["surrounding_bytes"].as_u64().unwrap() > 0);
+    assert!(plan["prepared_bytes"].as_u64().unwrap() > 0);
     desk.done(&["matrix", "scene.json", "-q", "-o", "matrix"]).exits_with(0);
     desk.done(&["light-map", "scene.json", "-q", "-o", "out", "--iterations", "4"]);
     let go_on = ["light-map", "scene.json", "-q", "-o", "out", "--resume"];
