@@ -62,6 +62,7 @@ const LIGHT_MAP: &str = r##"{
     { "box": { "center": [0, 3, 0], "size": [4, 0.1, 4] } },
     { "plane": { "center": [0, 3, 0], "sides": [[1, 0, 0], [0, 1, 0]] } },
     { "sphere": { "center": [0, 1, 0], "radius": 0.5, "to_world": { "rotate": { "axis": [0, 1, 0], "angle": 9 } } } },
+    { "sphere": { "center": [0, 1, 0], "radius": 0.5 } },
     { "cylinder": { "from": [0, 1, 0], "to": [0, 2, 0], "radius": 0.5 } },
     { "gltf": { "file": "@hall.glb" } },
     { "obj": { "file": "@folder/hall.obj" } }
@@ -126,16 +127,20 @@ fn written<D: Describes>(text: &str, file: &Path, folder: &Path) -> String {
     Resolved::new(&settled::<D>(text, file), D::SUBJECT, file).unwrap().text_in(folder).unwrap()
 }
 
-/// All documents of light maps, then of volumes: the demos and the two above, each as it is written beside itself.
+/// All documents of light maps, then of volumes: the demos, the two above, and the first with less in it, each as it is written beside itself.
 fn all() -> [Vec<String>; 2] {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("strokes");
     let files = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
     let files = files.filter(|file| file.extension().is_some_and(|extension| extension == "json"));
     let mut texts: Vec<_> = files.map(|file| (std::fs::read_to_string(&file).unwrap(), file)).collect();
-    texts.extend([LIGHT_MAP, ANIMATION].map(|text| (text.to_owned(), folder.join("scene.json"))));
+    let dark = changed(LIGHT_MAP, ", \"environment\": { \"file\": \"@sky.hdr\" }", "");
+    let grey = changed(LIGHT_MAP, "{ \"file\": \"@sky.hdr\" }", "{}");
+    let fitted = changed(&grey, "\"extent\": { \"min\": [-2, -1], \"max\": [2, 1] }", "");
+    let made = [dark, fitted, LIGHT_MAP.to_owned(), ANIMATION.to_owned()];
+    texts.extend(made.map(|text| (text, folder.join("scene.json"))));
     let (volumes, light_maps): (Vec<_>, Vec<_>) =
         texts.into_iter().partition(|(text, _)| text.contains("\"volume\""));
-    assert_eq!((volumes.len(), light_maps.len()), (5, 4));
+    assert_eq!((volumes.len(), light_maps.len()), (5, 6));
     let of = |(text, file): (String, PathBuf)| whole::<Document>(&text, &file);
     let of_volume = |(text, file): (String, PathBuf)| whole::<VolumeDocument>(&text, &file);
     [light_maps.into_iter().map(of).collect(), volumes.into_iter().map(of_volume).collect()]
@@ -253,8 +258,8 @@ fn settings_that_depend_on_others_are_written_where_they_mean_something() {
         "  \"environment\": { \"file\": \"@sky.hdr\", \"lights\": { \"map\": [24, 12] } },\n",
         "",
     );
-    let bare: Value =
-        serde_json::from_str(&whole::<VolumeDocument>(&bare, Path::new("/no/scene.json"))).unwrap();
+    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("scene.json");
+    let bare: Value = serde_json::from_str(&whole::<VolumeDocument>(&bare, &here)).unwrap();
     assert_eq!(
         (&bare["environment"]["radiance"], &bare["environment"]["directions"]),
         (&Value::from(0), &Value::from(64))
