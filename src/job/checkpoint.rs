@@ -27,10 +27,15 @@ pub(super) struct Keeper {
 }
 
 impl Keeper {
-    /// Keeps the solve with this fingerprint in a file called `name`.
-    pub(super) fn new(folder: &Folder, name: &str, fingerprint: u64) -> Self {
-        let last = folder.file(name);
-        Self { path: folder.path().join(name), last, fingerprint, kept: Cell::new(false) }
+    /// Keeps the solve of a problem in a file called `name`.
+    pub(super) fn new(
+        folder: &Folder,
+        name: &str,
+        settings: &SolveSettings,
+        problem: &dyn Problem,
+    ) -> Result<Self> {
+        let (path, last) = (folder.path().join(name), folder.file(name));
+        Ok(Self { path, last, fingerprint: fingerprint(settings, problem)?, kept: Cell::new(false) })
     }
 
     /// Writes the checkpoint where [`Keeper::read`] finds it; a failure is no reason to lose the solve.
@@ -111,7 +116,7 @@ impl Keeper {
 }
 
 /// A hash of everything that the path of a solve depends on; limits may change between its parts.
-pub(super) fn fingerprint(settings: &SolveSettings, problem: &dyn Problem) -> Result<u64> {
+fn fingerprint(settings: &SolveSettings, problem: &dyn Problem) -> Result<u64> {
     let mut hash = Mixed(0);
     let formulation = problem.formulation(settings)?;
     let parts = formulation.parts.iter().map(|part| {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Options;
-use super::checkpoint::{Keeper, fingerprint};
+use super::checkpoint::Keeper;
 use super::compute::{Computed, Task};
 use super::engine::Engine;
 use super::environment::write_environment;
@@ -43,8 +43,8 @@ pub(super) fn solve(
     let problem = trace(scene, engine, options.rasterize)?;
     let memory = Memory::of_light_map(scene);
     let settings = memory.settled(scene.solve.clone(), &problem)?;
-    let fingerprint = fingerprint(&settings, &problem)?;
-    let checkpoint = folder.map(|folder| Keeper::new(folder, "checkpoint", fingerprint));
+    let keeper = |folder| Keeper::new(folder, "checkpoint", &settings, &problem);
+    let checkpoint = folder.map(keeper).transpose()?;
     let resumed = match &checkpoint {
         Some(checkpoint) if options.resume => Some(checkpoint.read()?),
         _ => None,

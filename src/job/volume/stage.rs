@@ -1,5 +1,5 @@
 use super::super::Options;
-use super::super::checkpoint::{Keeper, fingerprint};
+use super::super::checkpoint::Keeper;
 use super::super::compute::{self, Computed};
 use super::super::engine::Engine;
 use super::super::findings::Findings;
@@ -55,9 +55,9 @@ impl Task<'_> {
             VolumeProblem::new(self.scene, &self.state.medium, self.optics, self.desired, self.find)?;
         let memory = Memory::of_volume(self.scene);
         let settings = memory.settled(VolumeProblem::settings(self.scene, self.find), &problem)?;
-        let fingerprint = fingerprint(&settings, &problem)?;
         let name = format!("{}checkpoint", place.prefix);
-        let checkpoint = place.folder.map(|folder| Keeper::new(folder, &name, fingerprint));
+        let keeper = |folder| Keeper::new(folder, &name, &settings, &problem);
+        let checkpoint = place.folder.map(keeper).transpose()?;
         let resumed = match &checkpoint {
             Some(checkpoint) if place.options.resume => match checkpoint.read() {
                 Ok(paused) => Some(paused),

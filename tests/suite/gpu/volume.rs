@@ -392,7 +392,7 @@ fn what_there_is_no_kernel_for_is_refused_and_says_what_to_do() {
         let error = Walked::volume(gpu, traversal, false, false).unwrap_err();
         assert!(error.is_not_possible_here(), "{error}");
         let text = error.to_string();
-        assert!(text.contains(words) && text.contains("--backend cpu"), "{text}");
+        assert!(text.contains(words) && text.contains("compute on the processor"), "{text}");
     };
     let usual = traversal(1, Case::default());
     let with = |change: &dyn Fn(&mut VolumeTransport)| {

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 use unscatter::operator::{
-    CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Neighbours, Vector, adjoint_test,
+    CpuVector, Gradient, Identity, Indexed, Laplacian, Lattices, LinearOperator, Neighbours, Vector,
+    adjoint_test,
 };
 use unscatter::solve::{LeastSquares, Rule, Term, choose_weight};
 
@@ -79,8 +80,14 @@ fn their_majorizers_are_the_sums_of_absolute_values() {
     for outside_or_twice in [&[24][..], &[3, 3]] {
         assert!(Neighbours::new([4, 3], outside_or_twice).is_err());
     }
-    let copies = Neighbours::new([4, 3], &[11, 12, 13]).unwrap();
-    assert_eq!((copies.edges(), copies.degrees()), (1, vec![0, 1, 1]), "copies are no neighbours");
+    // Twelve places in a plane, then two along a line, then a cube.
+    let lattices = Lattices::new([vec![4, 3], vec![2], vec![2; 3]]);
+    let several = Neighbours::new(lattices, &[11, 12, 13, 14, 18, 21]).unwrap();
+    assert_eq!(
+        (several.edges(), several.degrees()),
+        (2, vec![0, 1, 1, 1, 1, 0]),
+        "lattices are no neighbours"
+    );
     let volume = Neighbours::new([2, 2, 2], &[0, 1, 2, 3, 4, 5, 6, 7]).unwrap();
     assert_eq!((volume.edges(), volume.degrees()), (12, vec![3; 8]));
     let mut picked = CpuVector::<f64>::zeros(2);
