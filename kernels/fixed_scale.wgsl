@@ -1,14 +1,14 @@
 // 2^e and 2^−e a channel for sums in fixed point, from the pieces of max|y| in `largest`; NaN where y is not finite.
 // One workgroup of three lanes, one a channel.
 
-struct Scale {
+struct FixedScaleParams {
     // Where the pieces of each channel begin, how many they are, and the sum of all rows' weights, rounded up.
     begin: vec4<u32>,
     pieces: vec4<u32>,
     row_sums: vec4<f32>,
 }
 
-@group(0) @binding(0) var<uniform> params: Scale;
+@group(0) @binding(0) var<uniform> params: FixedScaleParams;
 @group(0) @binding(1) var<storage, read_write> scales: array<f32>;
 @group(0) @binding(2) var<storage, read> largest: array<f32>;
 

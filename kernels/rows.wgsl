@@ -1,7 +1,7 @@
 // y[k] ← Σ_e w_ke x[e] over rows that are kept: gather over the rows of T, and the adjoint over those of its transpose.
 // SHARERS lanes share a row, so that they read side by side.
 
-struct Rows {
+struct RowsParams {
     // Rows of this slab; the first of them in the bound y, and from one channel of y to the next.
     rows: u32,
     y_first: u32,
@@ -14,7 +14,7 @@ struct Rows {
     pad1: u32,
 }
 
-@group(0) @binding(0) var<uniform> params: Rows;
+@group(0) @binding(0) var<uniform> params: RowsParams;
 @group(0) @binding(1) var<storage, read_write> y: array<f32>;
 @group(0) @binding(2) var<storage, read> x: array<f32>;
 @group(0) @binding(3) var<storage, read> offsets: array<u32>;

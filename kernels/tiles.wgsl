@@ -2,7 +2,7 @@
 // OPERATION chooses: 0 stretch v ← M v; 1 shrink v ← S⁻¹ v by a symmetric sweep of Gauss and Seidel; 2 descend, the same from
 // a separable step within bounds.
 
-struct Tiles {
+struct TilesParams {
     tiles: u32,
     stride: u32,
     channel: u32,
@@ -13,7 +13,7 @@ struct Tiles {
 }
 
 // l and u of the elements from `begin` to where the next part begins.
-struct Part {
+struct BoundsPart {
     lower: vec4<f32>,
     upper: vec4<f32>,
     begin: u32,
@@ -22,7 +22,7 @@ struct Part {
     pad2: u32,
 }
 
-@group(0) @binding(0) var<uniform> params: Tiles;
+@group(0) @binding(0) var<uniform> params: TilesParams;
 @group(0) @binding(1) var<storage, read_write> v: array<f32>;
 @group(0) @binding(2) var<storage, read> y: array<f32>;
 // Of each tile: where its matrix begins, its members begin, how many they are.
@@ -30,7 +30,7 @@ struct Part {
 @group(0) @binding(4) var<storage, read> members: array<u32>;
 @group(0) @binding(5) var<storage, read> matrices: array<f32>;
 // The parts of the bounds; the first begins at 0. Members of a tile may belong to different ones.
-@group(0) @binding(6) var<storage, read> parts: array<Part>;
+@group(0) @binding(6) var<storage, read> parts: array<BoundsPart>;
 
 var<workgroup> exchange: array<vec3<f32>, TILE>;
 var<workgroup> change: array<vec3<f32>, 2>;

@@ -20,3 +20,9 @@ pub mod sparse;
 pub mod visibility;
 
 pub use error::{Error, Fault, Result};
+
+/// The examples of README.md and of the guide, compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+#[doc = include_str!("../docs/guide.md")]
+struct Documentation;

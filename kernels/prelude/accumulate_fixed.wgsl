@@ -1,6 +1,6 @@
 // Sums in 64-bit fixed point: additions of integers, whose order does not matter.
 // Range  |Σ w y| ≤ max|y| Σ_k (sum of row k) =: m, and a number stands for 2^e of itself with 2^e m ≤ 2^61, so that no sum, and no
-//        partial sum in any order, leaves 63 bits and a sign; src/gpu/fixed_point.rs has the proof.
+//        partial sum in any order, leaves 63 bits and a sign; src/gpu/vectors/fixed_sums.rs has the proof.
 @group(0) @binding(2) var<storage, read_write> low: array<atomic<u32>>;
 @group(0) @binding(3) var<storage, read_write> high: array<atomic<u32>>;
 // 2^e a channel, and 2^−e behind.

@@ -5,7 +5,7 @@
 // them. Crossings of grid lines are ticks in 32.32 fixed point, made by the host in f64 and added up exactly, so that the
 // shortest piece far out keeps its digits, where f32 would have left three of them.
 
-struct Transport {
+struct LightMapUniform {
     // 1 / metre
     sigma_t: vec4<f32>,
     light_size: vec2<i32>,
@@ -19,7 +19,7 @@ struct Transport {
     levels: array<vec4<u32>, LEVELS>,
 }
 
-struct Ray {
+struct LightMapRay {
     // Scattering times transmittance from the eye to the entry, a channel.
     strength: vec4<f32>,
     // The cell of the basis where it enters the light map, and where inside it.
@@ -60,8 +60,8 @@ struct Piece {
     change: vec2<f32>,
 }
 
-@group(1) @binding(2) var<uniform> transport: Transport;
-@group(2) @binding(0) var<storage, read> rays: array<Ray>;
+@group(1) @binding(2) var<uniform> transport: LightMapUniform;
+@group(2) @binding(0) var<storage, read> rays: array<LightMapRay>;
 
 // Where the walk is: the cell; when each axis crosses its next line; since when it has been in the cell, and where it was
 // inside it then.
@@ -72,7 +72,7 @@ var<private> since: vec2<u32>;
 var<private> fraction_then: vec2<f32>;
 var<private> metres_a_tick: f32;
 
-fn walk_begin(ray: Ray) {
+fn walk_begin(ray: LightMapRay) {
     cell = ray.entry_cell;
     next_high = ray.first_high;
     next_low = ray.first_low;
@@ -82,7 +82,7 @@ fn walk_begin(ray: Ray) {
 }
 
 // Crosses the next line of one axis.
-fn cross(ray: Ray, axis: vec2<bool>) {
+fn cross(ray: LightMapRay, axis: vec2<bool>) {
     let ahead = ray.slope > vec2(0.0);
     let low = next_low + select(vec2(0u), ray.step_low, axis);
     let carry = select(vec2(0u), vec2(1u), low < next_low);
@@ -102,7 +102,7 @@ fn many_steps_low(low: u32, n: u32) -> vec2<u32> {
 }
 
 // Crosses all lines of an axis up to tick `t`: most of them at once, the last ones by one.
-fn catch_up(ray: Ray, axis: u32, t: u32) {
+fn catch_up(ray: LightMapRay, axis: u32, t: u32) {
     if next_high[axis] <= t {
         let steps = f32(t - next_high[axis]) / f32(max(ray.step_high[axis], 1u));
         let n = u32(clamp(steps - 1.0, 0.0, 65535.0));
@@ -119,7 +119,7 @@ fn catch_up(ray: Ray, axis: u32, t: u32) {
     }
 }
 
-fn catch_up_both(ray: Ray, t: u32) {
+fn catch_up_both(ray: LightMapRay, t: u32) {
     catch_up(ray, 0u, t);
     catch_up(ray, 1u, t);
 }
@@ -129,21 +129,21 @@ fn is_inside() -> bool {
 }
 
 // From tick `t` on, for so many metres.
-fn piece_at(ray: Ray, t: u32, length: f32) -> Piece {
+fn piece_at(ray: LightMapRay, t: u32, length: f32) -> Piece {
     let moved = ray.slope * (vec2<f32>(vec2(t) - since) * metres_a_tick);
     return Piece(cell, fraction_then + moved, ray.slope * length);
 }
 
-fn tick_of(ray: Ray, t: f32) -> u32 {
+fn tick_of(ray: LightMapRay, t: f32) -> u32 {
     return min(u32(max(t / metres_a_tick, 0.0)), TICKS);
 }
 
-fn strength_at(ray: Ray, t: f32) -> Weight {
+fn strength_at(ray: LightMapRay, t: f32) -> Weight {
     return weight_of(ray.strength.xyz * exp(-transport.sigma_t.xyz * t));
 }
 
 // Visits the pieces of [a, b] cell by cell (Amanatides and Woo 1987).
-fn integrate_stretch(ray: Ray, a: u32, b: u32) {
+fn integrate_stretch(ray: LightMapRay, a: u32, b: u32) {
     let sigma_t = weight_of(transport.sigma_t.xyz);
     catch_up_both(ray, a);
     var t = a;
@@ -162,7 +162,7 @@ fn integrate_stretch(ray: Ray, a: u32, b: u32) {
 }
 
 // The papers' march: steps of equal length from the eye to where the ray ends or leaves the map, each worth its midpoint.
-fn march_stretch(ray: Ray, a: f32, b: f32) {
+fn march_stretch(ray: LightMapRay, a: f32, b: f32) {
     let step = (ray.before + ray.length) / f32(transport.steps);
     let sigma_t = weight_of(transport.sigma_t.xyz);
     let first = u32(max(ceil((ray.before + a) / step - 0.5), 0.0));

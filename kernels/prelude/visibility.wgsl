@@ -1,5 +1,5 @@
-// The lit stretches of a ray through the min-max pyramid of the shadow map, in order; twin of src/march/visibility.rs, whose
-// recursion is here a walk from node to node: down where a node is partly lit, up where the ray enters another parent.
+// The lit stretches of a ray through the min-max pyramid of the shadow map, in order; twin of src/march/visibility.rs. Like that one
+// it walks from node to node: down where a node is partly lit, up where the ray enters another parent.
 // Everything is integers: ticks along the ray, and depths in parts of what the stored ones span. Stored depths and those of
 // a ray are rounded once, by the host in f64.
 
@@ -23,7 +23,7 @@ var<private> lit_level: u32;
 var<private> lit_open: bool;
 var<private> lit_start: u32;
 
-fn lit_begin(ray: Ray) {
+fn lit_begin(ray: LightMapRay) {
     lit_t = ray.shadow_clip.x;
     lit_phase = BEFORE;
     lit_cell = ray.shadow_cell;
@@ -41,7 +41,7 @@ fn multiply_high(a: u32, b: u32) -> u32 {
 }
 
 // Depth of the ray: what it is where that is among the stored ones, nearer or farther than all of them elsewhere.
-fn depth_at(ray: Ray, t: u32) -> i32 {
+fn depth_at(ray: LightMapRay, t: u32) -> i32 {
     if t < ray.depth_window.x || t > ray.depth_window.y {
         return select(FARTHEST, -FARTHEST, (t < ray.depth_window.x) == (ray.depth_step_high >= 0));
     }
@@ -50,7 +50,7 @@ fn depth_at(ray: Ray, t: u32) -> i32 {
 }
 
 // When the ray crosses a line of the shadow map, along one axis.
-fn shadow_crossing(ray: Ray, axis: u32, line: i32) -> u32 {
+fn shadow_crossing(ray: LightMapRay, axis: u32, line: i32) -> u32 {
     let ahead = ray.slope[axis] > 0.0;
     // Lines that it crosses before.
     let n = u32(select(ray.shadow_cell[axis] - line, line - ray.shadow_cell[axis] - 1, ahead));
@@ -64,7 +64,7 @@ fn shadow_crossing(ray: Ray, axis: u32, line: i32) -> u32 {
 }
 
 // The same, and never for lines at the rim of the map: what is beyond belongs to the last texel until the map is left.
-fn crossing_inside(ray: Ray, axis: u32, line: i32) -> u32 {
+fn crossing_inside(ray: LightMapRay, axis: u32, line: i32) -> u32 {
     if line <= 0 || line >= transport.shadow_size[axis] || ray.slope[axis] == 0.0 {
         return NEVER;
     }
@@ -81,7 +81,7 @@ fn range_of(level: u32, texel: vec2<i32>) -> vec2<i32> {
 }
 
 // The texel along one axis that the ray is in at `t`, between `low` and `high`; it never goes back.
-fn texel_at(ray: Ray, axis: u32, t: u32, low: i32, high: i32) -> i32 {
+fn texel_at(ray: LightMapRay, axis: u32, t: u32, low: i32, high: i32) -> i32 {
     let first = ray.shadow_first_high[axis];
     var moved = 0;
     if t >= first {
@@ -122,7 +122,7 @@ fn close_at(t: u32, stretch: ptr<function, vec2<u32>>) -> bool {
 }
 
 // The next stretch, in ticks; false when there is none left.
-fn lit_next(ray: Ray, stretch: ptr<function, vec2<u32>>) -> bool {
+fn lit_next(ray: LightMapRay, stretch: ptr<function, vec2<u32>>) -> bool {
     if lit_phase == BEFORE {
         // Beside the shadow map everything is lit.
         if ray.shadow_clip.x > 0u {

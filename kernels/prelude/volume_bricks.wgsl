@@ -1,7 +1,7 @@
 // Volumes on the device, brick by brick: those that hold nothing have no memory.
 
 // Light from somewhere, cached at the centres of voxels.
-struct Light {
+struct LightUniform {
     // Its cells from the medium's: `high` in whole 2⁻¹⁰, so that what it makes of whole cells is exact in f32, and what that
     // leaves. Columns.
     high: array<vec4<f32>, 3>,
@@ -16,7 +16,7 @@ struct Light {
     channels: u32,
 }
 
-struct Volume {
+struct VolumeUniform {
     // Metres of a cell along each axis that is walked.
     metres: array<vec4<f32>, 3>,
     // Cells that are walked, and where the slots of their bricks begin in `bricks`.
@@ -30,7 +30,7 @@ struct Volume {
     channels: u32,
     lights: u32,
     pad: u32,
-    light: array<Light, LIGHTS>,
+    light: array<LightUniform, LIGHTS>,
 }
 
 // Slots of bricks of cells; places of the records of bricks with elements; and those records: the number of the first element, how
@@ -40,7 +40,7 @@ struct Volume {
 @group(1) @binding(1) var<storage, read> sigma: array<f32>;
 // Radiance, light by light and brick by brick.
 @group(1) @binding(2) var<storage, read> lights: array<f32>;
-@group(1) @binding(3) var<uniform> volume: Volume;
+@group(1) @binding(3) var<uniform> volume: VolumeUniform;
 
 fn brick_of(cell: vec3<u32>, cells: vec3<u32>) -> u32 {
     let across = (cells + 7u) >> vec3(3u);

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec2, DVec3};
 
-use super::adapter::{AdapterRecord, Choice};
-use super::{Gpu, GpuVector, Kept, TileMetric, Walked};
+use super::device::{AdapterRecord, Choice, Gpu};
+use super::operators::{Kept, TileMetric, Walked};
+use super::vectors::GpuVector;
 use crate::march::{
     Density, LightMapTransport, LightMapTraversal, Part, PixelRays, Quantity, Traversal, ViewRay,
     VolumeTransport, VolumeTraversal,

@@ -2,12 +2,11 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::Gpu;
+use super::device::Gpu;
+use super::kernels::SURFACES;
 use crate::Result;
 use crate::operator::NOWHERE;
 
-/// Its text.
-pub(super) const SURFACES: &str = include_str!("../../kernels/surfaces.wgsl");
 /// Pixels a side that are drawn at once.
 const TILE: usize = 4096;
 /// Bytes that rows of a copied picture are multiples of.

@@ -3,7 +3,7 @@
 use super::checkpoint::Keeper;
 use super::observer::Stop;
 #[cfg(feature = "gpu")]
-use crate::gpu::{Choice, Fault, Gpu, may_have_hardware};
+use crate::gpu::{Choice, Gpu, SimulatedFault, may_have_hardware};
 use crate::problem::Paused;
 use crate::{Error, Result};
 
@@ -58,7 +58,7 @@ impl Engine {
     pub(crate) fn open(asked: &EngineChoice, stop: &Stop) -> Result<Self> {
         let choice = Choice {
             name: asked.adapter.clone(),
-            fault: asked.fault.as_deref().and_then(Fault::parse),
+            fault: asked.fault.as_deref().and_then(SimulatedFault::parse),
             ..Choice::default()
         };
         let open = || -> Result<Gpu> {

@@ -234,7 +234,7 @@ operators!(&T, Box<T>, Arc<T>);
 /// Room that an operator keeps for what lies between two of its steps. Threads take turns.
 ///
 /// A panic of another thread leaves numbers that are overwritten before they are read.
-fn lock<T>(room: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(crate) fn lock<T>(room: &Mutex<T>) -> MutexGuard<'_, T> {
     room.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

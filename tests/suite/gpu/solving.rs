@@ -2,7 +2,7 @@
 
 use unscatter::Error;
 use unscatter::cpu::TileMetric;
-use unscatter::gpu::{self, Choice, Fault, Gpu, GpuVector, adapters, known_answers};
+use unscatter::gpu::{self, Choice, Gpu, GpuVector, SimulatedFault, adapters, known_answers};
 use unscatter::io::scene_file;
 use unscatter::operator::{
     Bounds, CpuVector, Indexed, MatrixRows, Metric, TileBlocks, Tiling, TransportOperator, Vector,
@@ -248,7 +248,9 @@ fn an_iteration_of_the_default_waits_once() {
 #[ignore = "needs a graphics adapter; ./test.sh brings one"]
 fn a_device_that_is_lost_while_it_is_waited_for_or_hangs_is_an_error_and_dropped_without_waiting() {
     let (scene, problem) = small(SolverName::Fista);
-    for (fault, words) in [(Fault::Crash(9), "was lost"), (Fault::Hang(9), "has not answered for 0.")] {
+    for (fault, words) in
+        [(SimulatedFault::Crash(9), "was lost"), (SimulatedFault::Hang(9), "has not answered for 0.")]
+    {
         let gpu = open(Choice { fault: Some(fault), ..Choice::default() });
         let operator = on_device(&scene, &problem, &gpu, false);
         let coverage = operator.squares(&problem.weights()).unwrap();
@@ -298,7 +300,7 @@ fn what_exceeds_a_binding_is_taken_in_slabs_and_what_exceeds_the_memory_is_refus
     // A channel of the light map takes 36 KiB, the shadow map 256 KiB, the rows more.
     let sliced = solved(&problem, &on_device(&scene, &problem, &narrow(300 << 10), false), &scene);
     assert!(apart(&sliced.0.x, &whole.0.x) <= DEVICE_LIGHT_MAP);
-    let crowded = open(Choice { fault: Some(Fault::Memory), ..Choice::default() });
+    let crowded = open(Choice { fault: Some(SimulatedFault::Memory), ..Choice::default() });
     let refused = problem.on_gpu(&crowded, Strategy::Assembled, u64::MAX, false);
     assert!(matches!(&refused, Err(Error::AdapterMemory { .. })), "{refused:?}");
     let refused = problem.on_gpu(&gpu(), Strategy::Assembled, 1 << 20, false);
