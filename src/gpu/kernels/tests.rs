@@ -140,16 +140,18 @@ fn no_kernel_binds_more_storage_buffers_than_an_adapter_is_asked_for() {
     assert_eq!(Program::all().into_iter().map(bound).max(), Some(STORAGE_BUFFERS));
 }
 
-/// The structs that buffers of a module hold: name, size, and the offset of every member.
-fn layouts(module: &naga::Module) -> Vec<(String, usize, Vec<(String, usize)>)> {
-    let mut found = Vec::new();
-    for (_, of) in module.types.iter() {
-        if let (Some(name), naga::TypeInner::Struct { members, span }) = (&of.name, &of.inner) {
+/// A struct of a module: name, size, and the offset of every member.
+type Layout = (String, usize, Vec<(String, usize)>);
+
+fn layouts(module: &naga::Module) -> Vec<Layout> {
+    let layout = |of: &naga::Type| match (&of.name, &of.inner) {
+        (Some(name), naga::TypeInner::Struct { members, span }) => {
             let member = |member: &naga::StructMember| (member.name.clone().unwrap(), member.offset as usize);
-            found.push((name.clone(), *span as usize, members.iter().map(member).collect()));
+            Some((name.clone(), *span as usize, members.iter().map(member).collect()))
         }
-    }
-    found
+        _ => None,
+    };
+    module.types.iter().filter_map(|(_, of)| layout(of)).collect()
 }
 
 #[test]

@@ -54,8 +54,8 @@ fn words_of_literals(text: &str) -> BTreeSet<String> {
 
 #[test]
 fn every_kernel_has_a_bench() {
-    let files = fs::read_dir(root().join("benches/kernels")).unwrap();
-    let texts = files.map(|file| fs::read_to_string(file.unwrap().path()).unwrap());
+    let sources = fs::read_dir(root().join("benches/kernels")).unwrap();
+    let texts = sources.map(|file| fs::read_to_string(file.unwrap().path()).unwrap());
     let benches: BTreeSet<String> = texts.flat_map(|text| words_of_literals(&text)).collect();
     for name in files("kernels") {
         assert!(benches.contains(&name), "no bench of benches/kernels/ names {name}");
