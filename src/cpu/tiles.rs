@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use super::rows::{Padded, padded};
 use crate::march::{Real, Weight, channel};
 use crate::operator::{
-    Bounds, CpuVector, MatrixRows, Metric, Scalars, TILE_SIDE as SIDE, TileBlocks, Tiling,
+    Bounds, CpuVector, MatrixRows, Metric, Scalars, TILE_SIDE as SIDE, TileBlocks, Tiling, parallel,
 };
 use crate::{Error, Result};
 
@@ -59,22 +59,34 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
         weights: &[f64],
         added: &[f64],
     ) -> Result<Self> {
+        let sorted = |of: &[usize]| Runs::sorted(rows, tiling, weights, of);
+        Self::of_runs(rows.rows(), &sorted, tiling, weights, added)
+    }
+
+    /// The same, where `sorted` gives the runs of some rows.
+    fn of_runs(
+        rows: usize,
+        sorted: &(dyn Fn(&[usize]) -> Runs<F, C> + Sync),
+        tiling: &Tiling,
+        weights: &[f64],
+        added: &[f64],
+    ) -> Result<Self> {
         let unknowns = tiling.members().iter().map(Vec::len).sum();
-        if weights.len() != rows.rows() {
-            return Err(Error::Shape { what: "the weights", expected: rows.rows(), got: weights.len() });
+        if weights.len() != rows {
+            return Err(Error::Shape { what: "the weights", expected: rows, got: weights.len() });
         }
         if added.len() != unknowns {
             return Err(Error::Shape { what: "the diagonal", expected: unknowns, got: added.len() });
         }
         let mut matrices: Vec<Vec<[F; C]>> =
             tiling.members().iter().map(|members| vec![[F::zero(); C]; members.len().pow(2)]).collect();
-        let at_once: Vec<usize> = (0..rows.rows()).collect();
+        let at_once: Vec<usize> = (0..rows).collect();
         for batch in at_once.chunks(ROWS_AT_ONCE) {
-            let runs: Vec<Runs<F, C>> =
-                batch.par_chunks(64).map(|rows_of| Runs::sorted(rows, tiling, weights, rows_of)).collect();
+            let pieces: Vec<&[usize]> = batch.chunks(64).collect();
+            let runs = parallel::map(pieces.len(), &|piece| sorted(pieces[piece]));
             let shard = matrices.len().div_ceil(SHARDS).max(1);
-            matrices.par_chunks_mut(shard).enumerate().for_each(|(index, matrices)| {
-                runs.iter().for_each(|runs| runs.add_to(matrices, index * shard));
+            parallel::on_pieces(&mut matrices, shard, &|first, matrices| {
+                runs.iter().for_each(|runs| runs.add_to(matrices, first));
             });
         }
         let mut order = Vec::with_capacity(unknowns);
@@ -92,7 +104,7 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
     }
 
     /// Lets every tile compute on its part of v, given which unknowns that are.
-    fn each(&self, v: &mut CpuVector<F>, work: impl Fn(&Tile<F, C>, &mut [Padded<F>], &[u32]) + Sync) {
+    fn each(&self, v: &mut CpuVector<F>, work: &(dyn Fn(&Tile<F, C>, &mut [Padded<F>], &[u32]) + Sync)) {
         let mut packed: Vec<Padded<F>> =
             self.order.par_iter().map(|&unknown| padded(v.0[unknown as usize])).collect();
         let mut parts = Vec::with_capacity(self.tiles.len());
@@ -242,7 +254,7 @@ impl<const C: usize> TileBlocks for TileMetric<f32, C> {
 
 impl<F: Real, const C: usize> Metric<CpuVector<F>> for TileMetric<F, C> {
     fn stretch(&self, v: &mut CpuVector<F>) {
-        self.each(v, |tile, part, _| {
+        self.each(v, &|tile, part, _| {
             let mut room: Room<F> = [[F::zero(); 4]; SIDE * SIDE];
             let d = &mut room[..part.len()];
             d.copy_from_slice(part);
@@ -251,7 +263,7 @@ impl<F: Real, const C: usize> Metric<CpuVector<F>> for TileMetric<F, C> {
     }
 
     fn shrink(&self, v: &mut CpuVector<F>) {
-        self.each(v, |tile, part, _| {
+        self.each(v, &|tile, part, _| {
             let mut room: Room<F> = [[F::zero(); 4]; SIDE * SIDE];
             let d = &mut room[..part.len()];
             // For −v the least is at M⁻¹ v.
@@ -263,7 +275,7 @@ impl<F: Real, const C: usize> Metric<CpuVector<F>> for TileMetric<F, C> {
 
     fn descend(&self, x: &mut CpuVector<F>, y: &CpuVector<F>, norm: Scalars, bounds: &Bounds) {
         let shorter: [F; 3] = norm.map(|norm| F::of(1.0 / norm));
-        self.each(x, |tile, part, members| {
+        self.each(x, &|tile, part, members| {
             let [mut room, mut least, mut most]: [Room<F>; 3] = [[[F::zero(); 4]; SIDE * SIDE]; 3];
             let d = &mut room[..part.len()];
             part.iter_mut().for_each(|g| (0..3).for_each(|c| g[c] = g[c] * shorter[c]));

@@ -1,12 +1,12 @@
 use std::ops::Range;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 use rayon::prelude::*;
 
 use super::bands::Bands;
 use super::rows::{CHUNK, Chunk, Padded, padded};
 use crate::march::{Real, Traversal, Weight, channel};
-use crate::operator::{CpuVector, LinearOperator, MatrixRows, Storage, WalkPlan, expect_len};
+use crate::operator::{CpuVector, LinearOperator, MatrixRows, Storage, WalkPlan, expect_len, lock, parallel};
 use crate::scene::Strategy;
 use crate::{Error, Result};
 
@@ -41,8 +41,17 @@ fn bytes_in<F>(bands: &Bands, plan: &WalkPlan, channels: usize) -> u64 {
 #[derive(Debug)]
 pub struct Transport<T, F, const C: usize> {
     traversal: T,
+    kept: KeptRows<F, C>,
+}
+
+/// The rows that are kept, and what products with all rows need: it does not know what is walked.
+#[derive(Debug)]
+struct KeptRows<F, const C: usize> {
+    rows: usize,
+    /// The first element whose column is long.
+    long_from: usize,
     bands: Bands,
-    kept: Vec<Chunk<F, C>>,
+    chunks: Vec<Chunk<F, C>>,
     /// Rows from here on are walked.
     first_walked: usize,
     /// Rows that a scatter walks before it adds them up.
@@ -50,6 +59,12 @@ pub struct Transport<T, F, const C: usize> {
     /// One padded vector of elements, kept from one application to the next: fresh memory costs more than the products.
     room: Mutex<Vec<Padded<F>>>,
 }
+
+/// Walks some rows.
+type Walks<'a, F, const C: usize> = &'a dyn Fn(Range<usize>) -> Vec<Chunk<F, C>>;
+
+/// What a chunk adds to the sums of a band.
+type Scatters<'a, F, const C: usize> = &'a (dyn Fn(&Chunk<F, C>, usize, &mut [Padded<F>]) + Sync);
 
 impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     /// Keeps as many rows as `strategy` and the `budget` in bytes ask for. The plan must be of the same traversal.
@@ -74,15 +89,17 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         };
         let bytes_a_row = bytes / rows.max(1) as u64 + 1;
         let rows_at_once = (WALKED_AT_ONCE / bytes_a_row) as usize / CHUNK * CHUNK;
-        let mut transport = Self {
-            traversal,
+        let kept = KeptRows {
+            rows,
+            long_from: traversal.long_from(),
             bands,
-            kept: Vec::new(),
+            chunks: Vec::new(),
             first_walked: kept_rows,
             rows_at_once: rows_at_once.max(4 * CHUNK),
             room: Mutex::new(Vec::new()),
         };
-        transport.kept = transport.walk_chunks(0..kept_rows);
+        let mut transport = Self { traversal, kept };
+        transport.kept.chunks = transport.walk_chunks(0..kept_rows);
         Ok(transport)
     }
 
@@ -94,10 +111,10 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     /// What is kept.
     pub fn storage(&self) -> Storage {
         Storage {
-            kept_rows: self.first_walked,
-            walked_rows: self.traversal.rows() - self.first_walked,
-            kept_nonzeros: self.kept.iter().map(|chunk| chunk.nonzeros() as u64).sum(),
-            bytes: self.kept.iter().map(|chunk| chunk.bytes() as u64).sum(),
+            kept_rows: self.kept.first_walked,
+            walked_rows: self.traversal.rows() - self.kept.first_walked,
+            kept_nonzeros: self.kept.chunks.iter().map(|chunk| chunk.nonzeros() as u64).sum(),
+            bytes: self.kept.chunks.iter().map(|chunk| chunk.bytes() as u64).sum(),
             of_light_volumes: false,
         }
     }
@@ -108,30 +125,29 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     pub fn squares(&self, y: &CpuVector<F>) -> Result<CpuVector<F>> {
         expect_len("the weights", y, self.traversal.rows())?;
         let mut x = self.domain();
-        self.scatter_with(&mut x, |chunk, band, x| chunk.squares(band, &y.0, x));
+        self.kept.scatter_with(&mut x, &|rows| self.walk_chunks(rows), &|chunk, band, x| {
+            chunk.squares(band, &y.0, x);
+        });
         Ok(x)
     }
 
     fn walk_chunks(&self, rows: Range<usize>) -> Vec<Chunk<F, C>> {
-        let starts: Vec<usize> = rows.clone().step_by(CHUNK).collect();
-        starts
-            .into_par_iter()
-            .map(|start| Chunk::walk(&self.traversal, start..(start + CHUNK).min(rows.end), &self.bands))
-            .collect()
+        parallel::map(rows.len().div_ceil(CHUNK), &|index| {
+            let start = rows.start + index * CHUNK;
+            Chunk::walk(&self.traversal, start..(start + CHUNK).min(rows.end), &self.kept.bands)
+        })
     }
+}
 
+impl<F: Real, const C: usize> KeptRows<F, C> {
     /// Sends every chunk, kept or walked for the purpose, to every band of x.
-    fn scatter_with(
-        &self,
-        x: &mut CpuVector<F>,
-        scatter: impl Fn(&Chunk<F, C>, usize, &mut [Padded<F>]) + Sync,
-    ) {
+    fn scatter_with(&self, x: &mut CpuVector<F>, walk: Walks<F, C>, scatter: Scatters<F, C>) {
         if x.0.len() <= FEW {
-            return self.scatter_to_few(x, scatter);
+            return self.scatter_to_few(x, walk, scatter);
         }
         let mut room = self.room();
         room.par_chunks_mut(PIECE).for_each(|sums| sums.fill([F::zero(); 4]));
-        let long = self.traversal.long_from();
+        let long = self.long_from;
         let add = |chunks: &[Chunk<F, C>], sums: &mut [Padded<F>]| {
             self.bands.split_slots(sums).into_par_iter().enumerate().for_each(|(band, sums)| {
                 let short = Bands::slot(long.saturating_sub(self.bands.range(band).start)).min(sums.len());
@@ -146,10 +162,10 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
                 sums[short..].iter_mut().zip(wide).for_each(|(sum, wide)| *sum = wide.map(F::of));
             });
         };
-        add(&self.kept, &mut room);
-        let rows = self.traversal.rows();
+        add(&self.chunks, &mut room);
+        let rows = self.rows;
         for start in (self.first_walked..rows).step_by(self.rows_at_once) {
-            add(&self.walk_chunks(start..(start + self.rows_at_once).min(rows)), &mut room);
+            add(&walk(start..(start + self.rows_at_once).min(rows)), &mut room);
         }
         let bands = self.bands.split(&mut x.0).into_par_iter().zip(self.bands.split_slots(&mut room));
         bands.for_each(|(x, sums)| {
@@ -160,11 +176,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     }
 
     /// The same for few elements: tasks share the rows and each has sums of its own, in f64 from chunk to chunk.
-    fn scatter_to_few(
-        &self,
-        x: &mut CpuVector<F>,
-        scatter: impl Fn(&Chunk<F, C>, usize, &mut [Padded<F>]) + Sync,
-    ) {
+    fn scatter_to_few(&self, x: &mut CpuVector<F>, walk: Walks<F, C>, scatter: Scatters<F, C>) {
         let slots = self.bands.all_slots();
         let mut sums = vec![[0.0_f64; 3]; slots];
         let sum = |chunks: &[Chunk<F, C>]| {
@@ -185,10 +197,10 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
                 sums.iter_mut().zip(part).for_each(|(sum, part)| (0..3).for_each(|c| sum[c] += part[c]));
             }
         };
-        add(&self.kept);
-        let rows = self.traversal.rows();
+        add(&self.chunks);
+        let rows = self.rows;
         for start in (self.first_walked..rows).step_by(self.rows_at_once) {
-            add(&self.walk_chunks(start..(start + self.rows_at_once).min(rows)));
+            add(&walk(start..(start + self.rows_at_once).min(rows)));
         }
         for (x, sums) in self.bands.split(&mut x.0).into_iter().zip(self.bands.split_slots(&mut sums)) {
             for (x, sums) in Bands::runs_mut(x).zip(Bands::runs_of_slots(sums)) {
@@ -197,10 +209,26 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         }
     }
 
+    /// y ← T x of the rows that are kept.
+    fn gather(&self, x: &[[F; 3]], y: &mut [[F; 3]]) {
+        if self.chunks.is_empty() {
+            return;
+        }
+        let mut room = self.room();
+        let bands = self.bands.split_slots(&mut room).into_par_iter().enumerate();
+        bands.for_each(|(band, room)| {
+            let x = Bands::runs(&x[self.bands.range(band)]);
+            for (room, x) in Bands::runs_of_slots(room).zip(x) {
+                room.iter_mut().zip(x).for_each(|(room, &element)| *room = padded(element));
+            }
+        });
+        let rows = y.par_chunks_mut(CHUNK).zip(&self.chunks);
+        rows.for_each(|(y, chunk)| chunk.gather(&self.bands, &room, y));
+    }
+
     /// Room for one padded vector of elements in their slots.
     fn room(&self) -> MutexGuard<'_, Vec<Padded<F>>> {
-        // A panic of another thread leaves numbers that are overwritten before they are read.
-        let mut room = self.room.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut room = lock(&self.room);
         room.resize(self.bands.all_slots(), [F::zero(); 4]);
         room
     }
@@ -212,8 +240,8 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> MatrixRows<F, C> for Transpo
     }
 
     fn visit(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
-        match self.kept.get(row / CHUNK).filter(|_| row < self.first_walked) {
-            Some(chunk) => chunk.visit(row, &self.bands, visit),
+        match self.kept.chunks.get(row / CHUNK).filter(|_| row < self.kept.first_walked) {
+            Some(chunk) => chunk.visit(row, &self.kept.bands, visit),
             None => self.traversal.walk(row, &mut |element, weight| visit(element, weight.map(F::of))),
         }
     }
@@ -234,22 +262,13 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
     fn apply(&self, x: &CpuVector<F>, y: &mut CpuVector<F>) -> Result<()> {
         expect_len("x", x, self.traversal.elements())?;
         expect_len("y", y, self.traversal.rows())?;
-        let (kept, walked) = y.0.split_at_mut(self.first_walked);
-        if !self.kept.is_empty() {
-            let mut room = self.room();
-            let bands = self.bands.split_slots(&mut room).into_par_iter().enumerate();
-            bands.for_each(|(band, room)| {
-                let x = Bands::runs(&x.0[self.bands.range(band)]);
-                for (room, x) in Bands::runs_of_slots(room).zip(x) {
-                    room.iter_mut().zip(x).for_each(|(room, &element)| *room = padded(element));
-                }
-            });
-            let rows = kept.par_chunks_mut(CHUNK).zip(&self.kept);
-            rows.for_each(|(y, chunk)| chunk.gather(&self.bands, &room, y));
-        }
-        walked.par_chunks_mut(CHUNK).enumerate().for_each(|(index, y)| {
-            let first = self.first_walked + index * CHUNK;
-            y.iter_mut().enumerate().for_each(|(local, y)| *y = gather(&self.traversal, first + local, &x.0));
+        let first_walked = self.kept.first_walked;
+        let (kept, walked) = y.0.split_at_mut(first_walked);
+        self.kept.gather(&x.0, kept);
+        parallel::on_pieces(walked, CHUNK, &|first, y| {
+            for (local, y) in y.iter_mut().enumerate() {
+                *y = gather(&self.traversal, first_walked + first + local, &x.0);
+            }
         });
         Ok(())
     }
@@ -257,7 +276,9 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
     fn apply_adjoint(&self, y: &CpuVector<F>, x: &mut CpuVector<F>) -> Result<()> {
         expect_len("x", x, self.traversal.elements())?;
         expect_len("y", y, self.traversal.rows())?;
-        self.scatter_with(x, |chunk, band, x| chunk.scatter(band, &y.0, x));
+        self.kept.scatter_with(x, &|rows| self.walk_chunks(rows), &|chunk, band, x| {
+            chunk.scatter(band, &y.0, x);
+        });
         Ok(())
     }
 }

@@ -1,11 +1,10 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use crate::march::Real;
 use crate::{Error, Result};
 
+use super::parallel::on_pieces;
 use super::{Bounds, Indexed, NOWHERE, Scalars, Vector};
 
 /// Elements a task: sums are taken a piece at a time, so their order does not depend on the threads.
@@ -59,7 +58,8 @@ fn update<F: Real, const N: usize>(
     change: impl Fn(&mut F, F, [F; N]) + Sync,
 ) {
     let constants: [[F; N]; LANES] = std::array::from_fn(|lane| constants.map(|c| F::of(c[lane % 3])));
-    mine.par_chunks_mut(PIECE).zip(theirs.par_chunks(PIECE)).for_each(|(mine, theirs)| {
+    on_pieces(mine, PIECE, &|first, mine| {
+        let theirs = &theirs[first..first + mine.len()];
         let (mine, my_rest) = mine.as_flattened_mut().as_chunks_mut::<LANES>();
         let (theirs, their_rest) = theirs.as_flattened().as_chunks::<LANES>();
         for (mine, theirs) in mine.iter_mut().zip(theirs) {
@@ -76,7 +76,7 @@ fn update<F: Real, const N: usize>(
 /// Changes every number by the constant of its channel.
 fn each<F: Real>(mine: &mut [[F; 3]], constants: Scalars, change: impl Fn(F, F) -> F + Sync) {
     let constants = constants.map(F::of);
-    mine.par_chunks_mut(PIECE).for_each(|piece| {
+    on_pieces(mine, PIECE, &|_, piece| {
         piece.iter_mut().for_each(|element| {
             *element = std::array::from_fn(|c| change(element[c], constants[c]));
         });
@@ -98,7 +98,7 @@ fn add(a: Scalars, b: Scalars) -> Scalars {
 fn reduce(
     range: Range<usize>,
     together: fn(Scalars, Scalars) -> Scalars,
-    piece: &(impl Fn(Range<usize>) -> Scalars + Sync),
+    piece: &(dyn Fn(Range<usize>) -> Scalars + Sync),
 ) -> Scalars {
     if range.len() <= PIECE {
         return piece(range);
@@ -183,10 +183,10 @@ impl<F: Real> Vector for CpuVector<F> {
     fn hold(&mut self, x: &Self, gradient: &Self, bounds: &Bounds) {
         for (part, bounds) in bounds.parts(self.0.len()) {
             let held = holds::<F>(bounds);
-            let partners =
-                x.0[part.clone()].par_chunks(PIECE).zip(gradient.0[part.clone()].par_chunks(PIECE));
-            self.0[part].par_chunks_mut(PIECE).zip(partners).for_each(|(mine, (x, gradient))| {
-                for ((mine, x), gradient) in mine.iter_mut().zip(x).zip(gradient) {
+            let (x, gradient) = (&x.0[part.clone()], &gradient.0[part.clone()]);
+            on_pieces(&mut self.0[part], PIECE, &|first, mine| {
+                let partners = x[first..].iter().zip(&gradient[first..]);
+                for (mine, (x, gradient)) in mine.iter_mut().zip(partners) {
                     for c in 0..3 {
                         if held(c, x[c], gradient[c]) {
                             mine[c] = F::zero();
@@ -275,9 +275,8 @@ impl<F: Real> CpuVector<F> {
     /// Changes every element by what two indices point at in `other`, zero for nowhere.
     fn look_up(&mut self, other: &Self, a: &[u32], b: &[u32], change: impl Fn(&mut F, F, F) + Sync) {
         let at = |i: u32| if i == NOWHERE { [F::zero(); 3] } else { other.0[i as usize] };
-        let indices = a.par_chunks(PIECE).zip(b.par_chunks(PIECE));
-        self.0.par_chunks_mut(PIECE).zip(indices).for_each(|(piece, (a, b))| {
-            for ((element, &a), &b) in piece.iter_mut().zip(a).zip(b) {
+        on_pieces(&mut self.0, PIECE, &|first, piece| {
+            for ((element, &a), &b) in piece.iter_mut().zip(&a[first..]).zip(&b[first..]) {
                 let (a, b) = (at(a), at(b));
                 (0..3).for_each(|c| change(&mut element[c], a[c], b[c]));
             }

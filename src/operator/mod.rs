@@ -10,6 +10,7 @@ mod cpu_vector;
 mod lattices;
 mod metric;
 mod neighbours;
+pub(crate) mod parallel;
 mod restricted;
 mod row_table;
 mod scaled;

@@ -2,6 +2,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::parallel;
 use crate::march::{Traversal, Weight};
 
 /// Rows that one task reads.
@@ -43,8 +44,8 @@ pub struct RowTable {
 impl RowTable {
     /// The rows of a matrix.
     pub fn of<const C: usize>(rows: &impl MatrixRows<f32, C>) -> Self {
-        let starts: Vec<usize> = (0..rows.rows()).step_by(ROWS_AT_ONCE).collect();
-        let part = |start: usize| {
+        let part = |index: usize| {
+            let start = index * ROWS_AT_ONCE;
             let mut part = Self { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); C] };
             for row in start..(start + ROWS_AT_ONCE).min(rows.rows()) {
                 rows.visit(row, &mut |element, weight: Weight<f32, C>| {
@@ -55,7 +56,7 @@ impl RowTable {
             }
             part
         };
-        let parts: Vec<Self> = starts.into_par_iter().map(part).collect();
+        let parts = parallel::map(rows.rows().div_ceil(ROWS_AT_ONCE), &part);
         Self::joined(&parts, C)
     }
 

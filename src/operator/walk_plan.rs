@@ -1,5 +1,4 @@
-use rayon::prelude::*;
-
+use super::parallel;
 use crate::march::Traversal;
 
 /// Rows that are walked to foresee how long the others are.
@@ -30,16 +29,14 @@ impl WalkPlan {
         let stride = rows.div_ceil(SAMPLES).max(1);
         let sampled: Vec<usize> = (0..rows).step_by(stride).collect();
         let blocks = elements.div_ceil(Self::BLOCK);
-        let counts: Vec<Vec<u64>> = sampled
-            .par_chunks(256)
-            .map(|rows| {
-                let mut visits = vec![0u64; blocks];
-                for &row in rows {
-                    traversal.walk(row, &mut |element, _| visits[element / Self::BLOCK] += 1);
-                }
-                visits
-            })
-            .collect();
+        let pieces: Vec<&[usize]> = sampled.chunks(256).collect();
+        let counts = parallel::map(pieces.len(), &|piece| {
+            let mut visits = vec![0u64; blocks];
+            for &row in pieces[piece] {
+                traversal.walk(row, &mut |element, _| visits[element / Self::BLOCK] += 1);
+            }
+            visits
+        });
         let mut visits = vec![0u64; blocks];
         counts
             .iter()
