@@ -3,7 +3,7 @@
 use crate::gpu::Gpu;
 use crate::gpu::fixed_point::Accumulation;
 use crate::gpu::layout::LIGHTS;
-use crate::march::{Part, Quantity, VolumeTraversal};
+use crate::march::{Quantity, VolumeTraversal, VoxelElements};
 use crate::scene::{Interpolation, Quadrature};
 use crate::{Error, Result};
 
@@ -18,7 +18,7 @@ const REMEDY: &str = "choose the strategy `assembled`, which keeps the rows, or 
 pub(super) fn check(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumulation) -> Result<()> {
     let shared = traversal.transport();
     let lights = traversal.parts().iter().map(lights).max().unwrap_or(0);
-    let scatters = |part: &Part| matches!(part.quantity, Quantity::InScattered(_));
+    let scatters = |part: &VoxelElements| matches!(part.quantity, Quantity::InScattered(_));
     let problem = if traversal.parts().iter().any(scatters) {
         "walks volumes in a light that is known, and it is looked for".to_owned()
     } else if shared.refraction.is_some() {
@@ -37,7 +37,7 @@ pub(super) fn check(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumu
     Err(Error::Unsupported { adapter: gpu.record().name.clone(), problem, remedy: REMEDY })
 }
 
-fn lights(part: &Part) -> usize {
+fn lights(part: &VoxelElements) -> usize {
     match &part.quantity {
         Quantity::Albedo(light) => light.fields().len(),
         _ => 0,
@@ -62,7 +62,7 @@ fn check_rounds(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumulati
 }
 
 /// Rounds of the loops of one ray at most.
-fn rounds(traversal: &VolumeTraversal, part: &Part, accumulation: Accumulation) -> usize {
+fn rounds(traversal: &VolumeTraversal, part: &VoxelElements, accumulation: Accumulation) -> usize {
     let shared = traversal.transport();
     let across = |size: [usize; 3]| size.iter().map(|side| side + 2).sum::<usize>();
     let is_extinction = matches!(part.quantity, Quantity::Extinction);

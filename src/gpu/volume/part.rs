@@ -12,7 +12,7 @@ use crate::gpu::layout::{Light, Track, Volume};
 use crate::gpu::memory::Allocation;
 use crate::gpu::pace::Paces;
 use crate::gpu::walk::VolumeWalk;
-use crate::march::{InScattering, Part, Quantity, VolumeTraversal};
+use crate::march::{InScattering, Quantity, VolumeTraversal, VoxelElements};
 use crate::scene::Interpolation;
 use crate::{Error, Result};
 
@@ -62,7 +62,7 @@ impl WalkedPart {
         gpu: &Gpu,
         traversal: &VolumeTraversal,
         medium: &Medium,
-        part: &Part,
+        part: &VoxelElements,
         first: usize,
         colored: bool,
     ) -> Result<Self> {
@@ -104,7 +104,7 @@ fn row_bytes(nested: bool) -> usize {
     size_of::<Track>() * if nested { 2 } else { 1 }
 }
 
-fn light_of(part: &Part) -> Option<&InScattering> {
+fn light_of(part: &VoxelElements) -> Option<&InScattering> {
     match &part.quantity {
         Quantity::Albedo(light) => Some(light),
         _ => None,
@@ -115,7 +115,7 @@ fn light_of(part: &Part) -> Option<&InScattering> {
 fn tables(
     traversal: &VolumeTraversal,
     medium: &Medium,
-    part: &Part,
+    part: &VoxelElements,
     walked: &Cells,
 ) -> (Vec<u32>, Vec<f32>, Volume) {
     let shared = traversal.transport();
@@ -155,7 +155,7 @@ type Tracks = (Vec<(usize, usize)>, Vec<Allocation>, [f64; 2]);
 fn tracks(
     gpu: &Gpu,
     traversal: &VolumeTraversal,
-    part: &Part,
+    part: &VoxelElements,
     walked: &Cells,
     nested: bool,
 ) -> Result<Tracks> {

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::*;
+use crate::Error;
 use crate::scene::{Ray, Wrap};
 use crate::visibility::Geometry;
 
