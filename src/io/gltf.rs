@@ -38,8 +38,6 @@ pub struct GltfCamera {
     pub fov: f64,
     /// The height, always, in glTF.
     pub fov_axis: FovAxis,
-    /// Width over height, where the file says so.
-    pub aspect: Option<f64>,
 }
 
 impl GltfScene {
@@ -90,7 +88,6 @@ impl GltfScene {
             world_from_camera: self.tree.world_from_node(index),
             fov: f64::from(lens.yfov).to_degrees(),
             fov_axis: FovAxis::Y,
-            aspect: lens.aspect_ratio.map(f64::from).filter(|aspect| aspect.is_finite() && *aspect > 0.0),
         })
     }
 
@@ -112,19 +109,9 @@ impl GltfScene {
         Ok((direction, light.color.map(|c| c * light.intensity)))
     }
 
-    /// Names of the nodes with a camera, for messages.
-    pub fn camera_names(&self) -> Vec<String> {
-        self.names(|node| node.camera.is_some())
-    }
-
     /// Names of the nodes with a directional light, for messages.
-    pub fn sun_names(&self) -> Vec<String> {
+    fn sun_names(&self) -> Vec<String> {
         self.names(|node| self.sun_of(node).is_some())
-    }
-
-    /// Names of all nodes that have one, for messages.
-    pub fn node_names(&self) -> Vec<String> {
-        self.names(|_| true)
     }
 
     fn sun_of(&self, node: &Node) -> Option<&Light> {

@@ -31,15 +31,64 @@ pub struct Maps {
 ///
 /// Errors: [`Error::Value`] for an extent without area.
 pub fn fit(scene: &Scene, light_map: &MapSettings, geometry: &Arc<Geometry>) -> Result<Maps> {
+    let (constraints, lengths) = painted(scene, geometry)?;
+    fit_to(scene, light_map, geometry, &constraints, &lengths, &Traced)
+}
+
+/// Where [`fit`] puts the light map and the shadow map, without rendering anything into them: two grids in metres across the light.
+///
+/// Errors: as [`fit`].
+pub fn fitted_grids(scene: &Scene, geometry: &Geometry) -> Result<[Grid; 2]> {
+    let (constraints, lengths) = painted(scene, geometry)?;
+    let placed = Placed::new(scene, &scene.light_map, geometry, &constraints, &lengths)?;
+    Ok([placed.light_map, placed.shadow_map])
+}
+
+/// The painted pixels of a scene, which may be none, and the lengths of their rays in metres.
+fn painted(scene: &Scene, geometry: &Geometry) -> Result<(Vec<Constraint>, Vec<f64>)> {
     let constraints = match super::constraints(scene) {
         Err(Error::Empty { .. }) => Vec::new(),
         painted => painted?,
     };
     let lengths = lengths(&Traced.hits(scene, geometry, &constraints)?);
-    fit_to(scene, light_map, geometry, &constraints, &lengths, &Traced)
+    Ok((constraints, lengths))
 }
 
-/// The same for constraints whose rays have these lengths.
+/// Where the maps lie, and what they were fitted to.
+struct Placed {
+    frame: LightFrame,
+    sight: Sight,
+    /// Whether anything casts a shadow.
+    is_occluded: bool,
+    light_map: Grid,
+    shadow_map: Grid,
+}
+
+impl Placed {
+    fn new(
+        scene: &Scene,
+        light_map: &MapSettings,
+        geometry: &Geometry,
+        constraints: &[Constraint],
+        lengths: &[f64],
+    ) -> Result<Self> {
+        let frame = scene.light.frame();
+        let occluded = occluded(&scene.mesh, &frame);
+        let painted = Sight::of_painted(scene, constraints, lengths);
+        let sight = Sight::of_views(scene, geometry).and(&painted);
+        let seen = sight.over(&frame);
+        let over_light = if constraints.is_empty() { seen } else { painted.over(&frame) };
+        Ok(Self {
+            frame,
+            sight,
+            is_occluded: occluded.has_area(),
+            light_map: grid(light_map, over_light, occluded)?,
+            shadow_map: grid(&scene.shadow_map, seen, occluded)?,
+        })
+    }
+}
+
+/// The maps of constraints whose rays have these lengths, in metres.
 pub(super) fn fit_to(
     scene: &Scene,
     light_map: &MapSettings,
@@ -48,18 +97,11 @@ pub(super) fn fit_to(
     lengths: &[f64],
     surfaces: &dyn Surfaces,
 ) -> Result<Maps> {
-    let frame = scene.light.frame();
-    let occluded = occluded(&scene.mesh, &frame);
-    let painted = Sight::of_painted(scene, constraints, lengths);
-    let sight = Sight::of_views(scene, geometry).and(&painted);
-    let seen = sight.over(&frame);
-    let over_light = if constraints.is_empty() { seen } else { painted.over(&frame) };
-    let light_map = grid(light_map, over_light, occluded)?;
-    let shadow_grid = grid(&scene.shadow_map, seen, occluded)?;
-    let shadow_map = if occluded.has_area() {
-        surfaces.shadow_map(geometry, &frame, shadow_grid)?
-    } else {
-        ShadowMap::open(shadow_grid)
+    let Placed { frame, sight, is_occluded, light_map, shadow_map } =
+        Placed::new(scene, light_map, geometry, constraints, lengths)?;
+    let shadow_map = match is_occluded {
+        true => surfaces.shadow_map(geometry, &frame, shadow_map)?,
+        false => ShadowMap::open(shadow_map),
     };
     let sky = sky_beams(scene, geometry, &sight)?;
     let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };

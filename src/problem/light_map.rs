@@ -5,6 +5,8 @@ use rayon::prelude::*;
 use super::constraints::RowRadiance;
 use super::extents::fit_to;
 use super::fill::fill;
+#[cfg(feature = "gpu")]
+use super::looked_for::on_gpu;
 use super::looked_for::{explicit, on_host, row_of};
 use super::solved::not_finite;
 use super::surfaces::lengths;
@@ -14,13 +16,11 @@ use super::{
     constraints,
 };
 #[cfg(feature = "gpu")]
-use crate::cpu::HostOperator;
-#[cfg(feature = "gpu")]
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
 use crate::march::{FurtherWeights, LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::{CpuVector, OnHost, WalkPlan};
 #[cfg(feature = "gpu")]
-use crate::operator::{HostRows, RowTable, Sum};
+use crate::operator::{RowTable, Sum};
 use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target, luminance, rgb};
 use crate::sparse::ExplicitMatrix;
 use crate::visibility::{Geometry, ShadowMap};
@@ -334,23 +334,13 @@ impl Problem for LightMapProblem {
     #[cfg(feature = "gpu")]
     fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, budget: u64, deterministic: bool) -> Result<GpuOperator> {
         check_brightness(gpu, self.start)?;
-        let on_host = |strategy| -> Result<Box<dyn HostRows>> {
-            Ok(Box::new(HostOperator::<_, f32>::new(
-                self.traversal.clone(),
-                self.grey,
-                &self.plan,
-                strategy,
-                u64::MAX,
-            )?))
-        };
         let walked = || -> Result<Box<dyn DeviceOperator>> {
             let walked = Walked::light_map(gpu, &self.traversal, !self.grey, deterministic)?;
             let Some(beside) = self.traversal.further_rows() else { return Ok(Box::new(walked)) };
             let beside = Kept::new(gpu, RowTable::walked(&beside, self.grey), self.elements())?;
             Ok(Box::new(Sum::new(walked, beside)?))
         };
-        let channels = if self.grey { 1 } else { 3 };
-        GpuOperator::new(gpu, (&self.plan, channels), (strategy, budget), &on_host, &walked)
+        on_gpu(&self.traversal, (self.grey, &self.plan), gpu, (strategy, budget), &walked)
     }
 
     fn explicit(&self, most: u64) -> Result<ExplicitMatrix> {

@@ -26,7 +26,7 @@ pub use assess::{Assessment, Assessor, Match};
 pub use constraints::{Constraint, constraints, pixels};
 pub use diffusion::{Diffused, Known, diffuse};
 pub use evenly::evenly;
-pub use extents::{Maps, fit};
+pub use extents::{Maps, fit, fitted_grids};
 pub use formulation::{Formulation, Lattice, Part, Start};
 pub use light_map::LightMapProblem;
 pub use looked_for::{Problem, Unskipped};

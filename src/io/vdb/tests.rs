@@ -1,4 +1,4 @@
-//! Files of OpenVDB (`tests/fixtures/vdb`, made by `make.py` there) and our own, whole and damaged. `tests/vdb_peer.rs`
+//! Files of OpenVDB (`tests/fixtures/vdb`, made by `make.py` there) and our own, whole and damaged. `tests/suite/vdb_peer.rs`
 //! compares many more with OpenVDB itself.
 
 use std::io::Cursor;

@@ -12,11 +12,13 @@ use crate::cpu::kept_bytes;
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
 use crate::march::VolumeTraversal;
+#[cfg(feature = "gpu")]
+use crate::operator::RowTable;
 use crate::operator::{
     Composed, CpuVector, LinearOperator, Metric, Storage, Sum, Tiling, TransportOperator, WalkPlan,
 };
 #[cfg(feature = "gpu")]
-use crate::operator::{HostRows, RowTable};
+use crate::problem::looked_for;
 use crate::scene::Strategy;
 
 /// `T` of lights on the processor, as light volumes: what an application takes hardly depends on the number of lights.
@@ -65,23 +67,19 @@ pub(super) fn on_gpu(
     (strategy, budget): (Strategy, u64),
     deterministic: bool,
 ) -> Result<GpuOperator> {
-    let channels = if grey { 1 } else { 3 };
-    let on_host = |strategy| -> Result<Box<dyn HostRows>> {
-        Ok(Box::new(HostOperator::<_, f32>::new(rows.clone(), grey, plan, strategy, u64::MAX)?))
-    };
     let otherwise = || -> Result<Box<dyn DeviceOperator>> {
         match rows {
             VolumeRows::Voxels(rows) => Ok(Box::new(Walked::volume(gpu, rows, !grey, deterministic)?)),
             VolumeRows::Linearized(_) => Err(Error::TooLarge {
                 what: "the rows of a refinement, which an adapter only keeps".to_owned(),
-                needed: format!("{} bytes", kept_bytes::<f32>(plan, channels)),
+                needed: format!("{} bytes", kept_bytes::<f32>(plan, if grey { 1 } else { 3 })),
                 limit: format!("{budget} bytes"),
                 remedy: "raise solve.memory, lower the views' sizes or volume.size, or compute on the processor",
             }),
             VolumeRows::Lights(rows) => Ok(Box::new(light_volumes_on(gpu, rows, grey, budget)?)),
         }
     };
-    GpuOperator::new(gpu, (plan, channels), (strategy, budget), &on_host, &otherwise)
+    looked_for::on_gpu(rows, (grey, plan), gpu, (strategy, budget), &otherwise)
 }
 
 /// G V + D of lights on an adapter, each factor kept there.
