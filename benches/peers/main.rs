@@ -18,7 +18,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use unscatter::cpu::{Transport, near_medium};
-use unscatter::march::{Density, Part, PixelRays, Quantity, VolumeTransport, VolumeTraversal};
+use unscatter::march::{Density, PixelRays, Quantity, VolumeTransport, VolumeTraversal, VoxelElements};
 use unscatter::operator::{CpuVector, LinearOperator, WalkPlan};
 use unscatter::scene::{
     Camera, FovAxis, Interpolation, Quadrature, Samples, Strategy, Volume, VoxelGrid, VoxelSet, look_at,
@@ -84,7 +84,7 @@ fn volume(folder: &Path, name: &str) -> Result<Value, Failure> {
     let density = Arc::new(Density::new(volume.clone(), Interpolation::Trilinear));
     let grid = *volume.grid();
     let voxels = Arc::new(near_medium(&density, &grid));
-    let part = Part::new(Quantity::Emission, grid, voxels.clone(), Interpolation::Trilinear);
+    let part = VoxelElements::new(Quantity::Emission, grid, voxels.clone(), Interpolation::Trilinear);
     let rays = PixelRays::new(cameras.into(), pixels.clone(), Vec::new().into());
     let traversal = VolumeTraversal::new(transport(density), rays, vec![part]);
     let rows: Vec<usize> =
@@ -133,7 +133,7 @@ fn slice(folder: &Path) -> Result<Value, Failure> {
         (0..SIDES as u32).flat_map(|side| (0..SIDE as u32).map(move |pixel| [side, pixel])).collect();
     let clock = Instant::now();
     let all = Arc::new(VoxelSet::all(grid.size()));
-    let part = Part::new(Quantity::Extinction, grid, all.clone(), Interpolation::Nearest);
+    let part = VoxelElements::new(Quantity::Extinction, grid, all.clone(), Interpolation::Nearest);
     // Lengths know of no medium.
     let nothing = Volume::constant(grid, [0.0; 3])?;
     let density = Arc::new(Density::new(Arc::new(nothing), Interpolation::Nearest));

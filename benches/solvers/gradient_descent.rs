@@ -4,7 +4,7 @@ use unscatter::Result;
 use unscatter::operator::{CpuVector, LinearOperator, TransportOperator, Vector};
 use unscatter::problem::{LightMapProblem, Problem, System, measure};
 use unscatter::scene::{MetricName, Scene, SolverName};
-use unscatter::solve::{LeastSquares, Live, Measure, Memory, Method, Vectors};
+use unscatter::solve::{LeastSquares, Live, Measure, Method, MethodMemory, Vectors};
 
 use crate::race::{Race, row};
 
@@ -55,8 +55,8 @@ impl<O: LinearOperator> Method<O> for GradientDescent<O> {
         Some(&self.r)
     }
 
-    fn memory(&mut self) -> Memory<'_, O> {
-        Memory { domain: vec![&mut self.x], range: vec![&mut self.r], scalars: Vec::new() }
+    fn memory(&mut self) -> MethodMemory<'_, O> {
+        MethodMemory { domain: vec![&mut self.x], range: vec![&mut self.r], scalars: Vec::new() }
     }
 }
 

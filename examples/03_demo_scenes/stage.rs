@@ -5,7 +5,7 @@ use unscatter::io::scene_file::{
 };
 use unscatter::io::scene_file::{Camera, FovAxis, MapSize, PlaneShape, ShadowMap, Transform, View};
 use unscatter::io::scene_file::{Interpolation, Scale, Volume, Weight};
-use unscatter::scene::{LightFrame, Weight as ChosenWeight};
+use unscatter::scene::{LightFrame, RegularizationWeight};
 
 use glam::DVec3;
 
@@ -213,7 +213,7 @@ pub(crate) fn volume(size: GridSize, extinction: Field, [low, high]: [[f64; 3]; 
 
 /// The weight of a regularizer, relative to the columns.
 pub(crate) fn weight(relative: f64) -> Weight {
-    ChosenWeight::Relative(relative).into()
+    RegularizationWeight::Relative(relative).into()
 }
 
 /// A shadow map of `size`² texels that covers the box between two corners.

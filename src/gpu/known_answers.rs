@@ -9,8 +9,8 @@ use super::device::{AdapterRecord, Choice, Gpu};
 use super::operators::{Kept, TileMetric, Walked};
 use super::vectors::GpuVector;
 use crate::march::{
-    Density, LightMapTransport, LightMapTraversal, Part, PixelRays, Quantity, Traversal, ViewRay,
-    VolumeTransport, VolumeTraversal,
+    Density, LightMapTransport, LightMapTraversal, PixelRays, Quantity, Traversal, ViewRay, VolumeTransport,
+    VolumeTraversal, VoxelElements,
 };
 use crate::operator::{Bounds, LinearOperator, Metric, RowTable, Vector};
 use crate::scene::{
@@ -166,7 +166,7 @@ fn volume(gpu: &Gpu) -> Result<()> {
     let camera = Camera::new(world, 30.0, FovAxis::X, [16, 16])?;
     let pixels: Vec<[u32; 2]> = (0..256).map(|pixel| [0, pixel]).collect();
     let voxels = Arc::new(grid.set(|_| true));
-    let part = Part::new(Quantity::Emission, grid, voxels, Interpolation::Trilinear);
+    let part = VoxelElements::new(Quantity::Emission, grid, voxels, Interpolation::Trilinear);
     let traversal = VolumeTraversal::new(transport, PixelRays::seen_by_one(camera, pixels), vec![part]);
     walked(gpu, &traversal, |deterministic| Walked::volume(gpu, &traversal, false, deterministic))
 }

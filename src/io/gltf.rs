@@ -4,9 +4,9 @@
 //! perspective cameras, directional lights. Skins, morph targets and animations are not applied.
 
 mod accessor;
-mod document;
+mod file;
 mod material;
-mod tree;
+mod node_tree;
 mod triangles;
 
 use std::path::Path;
@@ -17,16 +17,16 @@ use ::gltf::json::scene::Node;
 use ::gltf::json::validation::Checked;
 use glam::{DAffine3, DVec3};
 
-use self::document::Document;
-use self::tree::Tree;
+use self::file::GltfFile;
+use self::node_tree::NodeTree;
+use crate::Result;
 use crate::scene::{FovAxis, Mesh, Rgb};
-use crate::{Error, Result};
 
 /// A glTF file with its buffers; textures are read when a mesh asks for them.
 #[derive(Debug)]
 pub struct GltfScene {
-    document: Document,
-    tree: Tree,
+    file: GltfFile,
+    tree: NodeTree,
 }
 
 /// A perspective camera of a glTF file.
@@ -38,19 +38,17 @@ pub struct GltfCamera {
     pub fov: f64,
     /// The height, always, in glTF.
     pub fov_axis: FovAxis,
-    /// Width over height, where the file says so.
-    pub aspect: Option<f64>,
 }
 
 impl GltfScene {
     /// Reads a `.gltf` or `.glb` file and the buffers that it names.
     ///
-    /// Errors: [`Error::File`] for a file that cannot be read; [`Error::Format`] for one that is truncated, is
+    /// Errors: [`crate::Error::File`] for a file that cannot be read; [`crate::Error::Format`] for one that is truncated, is
     /// not glTF 2.0, requires an extension that is not known here, or has a broken node hierarchy.
     pub fn load(path: &Path) -> Result<Self> {
-        let document = Document::load(path)?;
-        let tree = Tree::new(&document)?;
-        Ok(Self { document, tree })
+        let file = GltfFile::load(path)?;
+        let tree = NodeTree::new(&file)?;
+        Ok(Self { file, tree })
     }
 
     /// The triangles of the default scene, or of the node with this name and of all below it, in world space.
@@ -58,31 +56,31 @@ impl GltfScene {
     /// Albedo is the base colour factor times the linear mean of its texture. Materials with alpha mode `MASK`
     /// keep their texture's alpha as a mask; `BLEND` is read as a mask with cut-off 0.5. Each node with triangles is an object.
     ///
-    /// Errors: [`Error::Format`] for an unknown name (the message lists the nearest ones), data that is broken or no
-    /// triangles at all; [`Error::File`] for textures that cannot be read; [`Error::TooLarge`].
+    /// Errors: [`crate::Error::Format`] for an unknown name (the message lists the nearest ones), data that is broken or no
+    /// triangles at all; [`crate::Error::File`] for textures that cannot be read; [`crate::Error::TooLarge`].
     pub fn mesh(&self, node: Option<&str>) -> Result<Mesh> {
         let nodes = match node {
             Some(name) => self.tree.below(self.find(name, "node", |_| true)?),
-            None => self.tree.scene(&self.document)?,
+            None => self.tree.scene(&self.file)?,
         };
-        let mesh = triangles::collect(&self.document, &self.tree, &nodes)?;
+        let mesh = triangles::collect(&self.file, &self.tree, &nodes)?;
         if mesh.triangles.is_empty() {
             let place = node.map_or("the scene".into(), |name| format!("the node `{name}`"));
-            return Err(self.document.broken(format!("{place} has no triangles")));
+            return Err(self.file.broken(format!("{place} has no triangles")));
         }
         Ok(mesh)
     }
 
     /// The camera at the node with this name, or at the only node with a camera below that.
     ///
-    /// Errors: [`Error::Format`] for an unknown name or a camera that is not a perspective one.
+    /// Errors: [`crate::Error::Format`] for an unknown name or a camera that is not a perspective one.
     pub fn camera(&self, node: &str) -> Result<GltfCamera> {
         let index = self.find(node, "camera", |node| node.camera.is_some())?;
-        let camera = self.document.root.nodes[index].camera.and_then(|camera| self.document.get(camera));
-        let camera = camera.ok_or_else(|| self.document.broken(format!("`{node}` has an unknown camera")))?;
+        let camera = self.file.root.nodes[index].camera.and_then(|camera| self.file.get(camera));
+        let camera = camera.ok_or_else(|| self.file.broken(format!("`{node}` has an unknown camera")))?;
         let (Checked::Valid(CameraType::Perspective), Some(lens)) = (camera.type_, &camera.perspective)
         else {
-            return Err(self.document.broken(format!(
+            return Err(self.file.broken(format!(
                 "the camera `{node}` is orthographic; make it a perspective one in the modelling program"
             )));
         };
@@ -90,7 +88,6 @@ impl GltfScene {
             world_from_camera: self.tree.world_from_node(index),
             fov: f64::from(lens.yfov).to_degrees(),
             fov_axis: FovAxis::Y,
-            aspect: lens.aspect_ratio.map(f64::from).filter(|aspect| aspect.is_finite() && *aspect > 0.0),
         })
     }
 
@@ -99,48 +96,38 @@ impl GltfScene {
     /// The sun is the directional light at the named node, or at the only node with one below that; without a name
     /// it is the only one in the file.
     ///
-    /// Errors: [`Error::Format`] for an unknown name, or for no name where there is not exactly one sun.
+    /// Errors: [`crate::Error::Format`] for an unknown name, or for no name where there is not exactly one sun.
     pub fn sun(&self, node: Option<&str>) -> Result<(DVec3, Rgb)> {
         let index = match node {
             Some(name) => self.find(name, "sun", |node| self.sun_of(node).is_some())?,
             None => self.only_sun()?,
         };
-        let broken = || self.document.broken(format!("the sun at node {index} has no direction"));
-        let light = self.sun_of(&self.document.root.nodes[index]).ok_or_else(broken)?;
+        let broken = || self.file.broken(format!("the sun at node {index} has no direction"));
+        let light = self.sun_of(&self.file.root.nodes[index]).ok_or_else(broken)?;
         let world_from_node = self.tree.world_from_node(index);
         let direction = world_from_node.transform_vector3(DVec3::NEG_Z).try_normalize().ok_or_else(broken)?;
         Ok((direction, light.color.map(|c| c * light.intensity)))
     }
 
-    /// Names of the nodes with a camera, for messages.
-    pub fn camera_names(&self) -> Vec<String> {
-        self.names(|node| node.camera.is_some())
-    }
-
     /// Names of the nodes with a directional light, for messages.
-    pub fn sun_names(&self) -> Vec<String> {
+    fn sun_names(&self) -> Vec<String> {
         self.names(|node| self.sun_of(node).is_some())
-    }
-
-    /// Names of all nodes that have one, for messages.
-    pub fn node_names(&self) -> Vec<String> {
-        self.names(|_| true)
     }
 
     fn sun_of(&self, node: &Node) -> Option<&Light> {
         let light = node.extensions.as_ref()?.khr_lights_punctual.as_ref()?.light;
-        let light = self.document.get(light)?;
+        let light = self.file.get(light)?;
         matches!(light.type_, Checked::Valid(LightType::Directional)).then_some(light)
     }
 
     fn only_sun(&self) -> Result<usize> {
-        let nodes = self.document.root.nodes.iter().enumerate();
+        let nodes = self.file.root.nodes.iter().enumerate();
         let suns: Vec<usize> =
             nodes.filter(|(_, node)| self.sun_of(node).is_some()).map(|(index, _)| index).collect();
         match suns[..] {
             [sun] => Ok(sun),
-            [] => Err(self.document.broken("it has no directional light (KHR_lights_punctual)".into())),
-            _ => Err(self.document.broken(format!(
+            [] => Err(self.file.broken("it has no directional light (KHR_lights_punctual)".into())),
+            _ => Err(self.file.broken(format!(
                 "it has several directional lights; choose one by its node: {}",
                 quoted(&self.sun_names())
             ))),
@@ -148,20 +135,14 @@ impl GltfScene {
     }
 
     fn names(&self, has: impl Fn(&Node) -> bool) -> Vec<String> {
-        self.document
-            .root
-            .nodes
-            .iter()
-            .filter(|node| has(node))
-            .filter_map(|node| node.name.clone())
-            .collect()
+        self.file.root.nodes.iter().filter(|node| has(node)).filter_map(|node| node.name.clone()).collect()
     }
 
     /// The node of this name that `has` it, or the only one that does below a node of this name.
     ///
     /// Exporters hang cameras and lights below the node that carries the name, to turn their axes.
     fn find(&self, name: &str, what: &str, has: impl Fn(&Node) -> bool) -> Result<usize> {
-        let nodes = &self.document.root.nodes;
+        let nodes = &self.file.root.nodes;
         let named: Vec<usize> =
             (0..nodes.len()).filter(|&index| nodes[index].name.as_deref() == Some(name)).collect();
         let mut holders: Vec<usize> = named.iter().copied().filter(|&index| has(&nodes[index])).collect();
@@ -173,10 +154,10 @@ impl GltfScene {
         }
         match holders[..] {
             [index] => Ok(index),
-            [] => Err(self.document.broken(unknown(name, what, self.names(has)))),
-            _ => Err(self
-                .document
-                .broken(format!("{what} `{name}` is ambiguous; give the nodes different names"))),
+            [] => Err(self.file.broken(unknown(name, what, self.names(has)))),
+            _ => {
+                Err(self.file.broken(format!("{what} `{name}` is ambiguous; give the nodes different names")))
+            }
         }
     }
 }

@@ -8,7 +8,7 @@ use npyz::{DType, WriteOptions, WriterBuilder};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::numbers::{self, Encoding, Kind};
+use super::numbers::{self, Encoding, NumberType};
 use super::whole::{write_whole, write_whole_seekable};
 use crate::scene::Samples;
 use crate::{Error, Result};
@@ -63,11 +63,11 @@ pub fn read_f32(path: &Path) -> Result<(Vec<usize>, Vec<f32>)> {
     let file = File::open(path).map_err(file_error("read", path))?;
     let bytes = file.metadata().map_err(file_error("read", path))?.len();
     read_array(&mut BufReader::new(file), bytes).map_err(|fault| match fault {
-        Fault::Read(source) if source.kind() == io::ErrorKind::UnexpectedEof => {
+        ArrayFault::Read(source) if source.kind() == io::ErrorKind::UnexpectedEof => {
             format_error(path, "it ends too early".to_owned())
         }
-        Fault::Read(source) => file_error("read", path)(source),
-        Fault::Content(reason) => format_error(path, reason),
+        ArrayFault::Read(source) => file_error("read", path)(source),
+        ArrayFault::Content(reason) => format_error(path, reason),
     })
 }
 
@@ -206,18 +206,18 @@ fn check_finite(path: &Path, values: &[f32]) -> Result<()> {
 
 /// Why an array cannot be read.
 #[derive(Debug)]
-pub(super) enum Fault {
+pub(super) enum ArrayFault {
     Read(io::Error),
     Content(String),
 }
 
-impl From<io::Error> for Fault {
+impl From<io::Error> for ArrayFault {
     fn from(source: io::Error) -> Self {
         Self::Read(source)
     }
 }
 
-fn read_array(file: &mut impl Read, bytes: u64) -> Result<(Vec<usize>, Vec<f32>), Fault> {
+fn read_array(file: &mut impl Read, bytes: u64) -> Result<(Vec<usize>, Vec<f32>), ArrayFault> {
     let array = Array::read(file, bytes)?;
     let values = match array.encoding.read_samples(file, array.count)? {
         Samples::F32(values) => values,
@@ -225,7 +225,7 @@ fn read_array(file: &mut impl Read, bytes: u64) -> Result<(Vec<usize>, Vec<f32>)
     };
     match values.iter().position(|value| !value.is_finite()) {
         None => Ok((array.shape, values)),
-        Some(index) => Err(Fault::Content(format!("value {index} is not a finite 32-bit float"))),
+        Some(index) => Err(ArrayFault::Content(format!("value {index} is not a finite 32-bit float"))),
     }
 }
 
@@ -241,14 +241,15 @@ pub(super) struct Array {
 
 impl Array {
     /// Reads up to the first value. `bytes` is how long the file can be at most: it is enough for `count` values.
-    pub(super) fn read(file: &mut impl Read, bytes: u64) -> Result<Self, Fault> {
+    pub(super) fn read(file: &mut impl Read, bytes: u64) -> Result<Self, ArrayFault> {
         let (text, header_bytes) = read_header(file)?;
-        let header = Header::parse(&text)
-            .ok_or_else(|| Fault::Content(format!("its header cannot be understood: {}", text.trim_end())))?;
+        let header = Header::parse(&text).ok_or_else(|| {
+            ArrayFault::Content(format!("its header cannot be understood: {}", text.trim_end()))
+        })?;
         let encoding = encoding_of(header.dtype)?;
         if header.fortran_order && header.shape.len() > 1 {
             let reason = "it is in Fortran order; save it with numpy.ascontiguousarray".to_owned();
-            return Err(Fault::Content(reason));
+            return Err(ArrayFault::Content(reason));
         }
         let available = bytes.saturating_sub(header_bytes);
         let fits = |&count: &usize| {
@@ -256,7 +257,7 @@ impl Array {
         };
         match product(&header.shape).filter(fits) {
             Some(count) => Ok(Self { shape: header.shape, count, encoding }),
-            None => Err(Fault::Content(format!(
+            None => Err(ArrayFault::Content(format!(
                 "it holds {available} bytes, which are too few for the shape {:?}",
                 header.shape
             ))),
@@ -265,20 +266,23 @@ impl Array {
 }
 
 /// The text that describes the array, and how many bytes come before the values.
-fn read_header(file: &mut impl Read) -> Result<(String, u64), Fault> {
+fn read_header(file: &mut impl Read) -> Result<(String, u64), ArrayFault> {
     /// Headers of plain arrays have 118 bytes; only structured ones are long.
     const LONGEST: usize = 1 << 14;
     let mut start = [0; 8];
     file.read_exact(&mut start)?;
     if &start[..6] != b"\x93NUMPY" {
-        return Err(Fault::Content("its first bytes are not those of a NumPy array".to_owned()));
+        return Err(ArrayFault::Content("its first bytes are not those of a NumPy array".to_owned()));
     }
     let mut length = [0; 4];
     let length_bytes = if start[6] == 1 { 2 } else { 4 };
     file.read_exact(&mut length[..length_bytes])?;
     let length = u32::from_le_bytes(length) as usize;
     if !(1..=3).contains(&start[6]) || length > LONGEST {
-        return Err(Fault::Content(format!("its header is of version {} and {length} bytes long", start[6])));
+        return Err(ArrayFault::Content(format!(
+            "its header is of version {} and {length} bytes long",
+            start[6]
+        )));
     }
     let mut text = vec![0; length];
     file.read_exact(&mut text)?;
@@ -321,24 +325,24 @@ fn value_of<'t>(text: &'t str, key: &str) -> Option<&'t str> {
     Some(after.trim_start().strip_prefix(':')?.trim_start())
 }
 
-fn encoding_of(dtype: &str) -> Result<Encoding, Fault> {
+fn encoding_of(dtype: &str) -> Result<Encoding, ArrayFault> {
     let kind = match dtype.get(1..) {
-        Some("u1") => Kind::U8,
-        Some("f2") => Kind::F16,
-        Some("f4") => Kind::F32,
-        Some("f8") => Kind::F64,
+        Some("u1") => NumberType::U8,
+        Some("f2") => NumberType::F16,
+        Some("f4") => NumberType::F32,
+        Some("f8") => NumberType::F64,
         _ => return Err(unknown_values(dtype)),
     };
     match dtype.as_bytes()[0] {
         b'<' => Ok(Encoding { kind, big_endian: false }),
         b'>' => Ok(Encoding { kind, big_endian: true }),
-        b'|' if kind == Kind::U8 => Ok(Encoding { kind, big_endian: false }),
+        b'|' if kind == NumberType::U8 => Ok(Encoding { kind, big_endian: false }),
         _ => Err(unknown_values(dtype)),
     }
 }
 
-fn unknown_values(dtype: &str) -> Fault {
-    Fault::Content(format!("its values are {dtype}; save them with .astype('float32')"))
+fn unknown_values(dtype: &str) -> ArrayFault {
+    ArrayFault::Content(format!("its values are {dtype}; save them with .astype('float32')"))
 }
 
 /// None when there are more than can be counted.

@@ -12,7 +12,7 @@ const AT_ONCE: usize = 1 << 13;
 
 /// What a number in a file is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum NumberType {
     /// Whole numbers from 0 to 255.
     U8,
     /// Half precision.
@@ -26,7 +26,7 @@ pub(super) enum Kind {
 /// How numbers lie in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Encoding {
-    pub(super) kind: Kind,
+    pub(super) kind: NumberType,
     pub(super) big_endian: bool,
 }
 
@@ -34,10 +34,10 @@ impl Encoding {
     /// Bytes a number.
     pub(super) fn width(self) -> usize {
         match self.kind {
-            Kind::U8 => 1,
-            Kind::F16 => 2,
-            Kind::F32 => 4,
-            Kind::F64 => 8,
+            NumberType::U8 => 1,
+            NumberType::F16 => 2,
+            NumberType::F32 => 4,
+            NumberType::F64 => 8,
         }
     }
 
@@ -46,17 +46,19 @@ impl Encoding {
     /// The memory for all of them is asked for first: `count` must have been held against the length of the file.
     pub(super) fn read_samples(self, file: &mut impl Read, count: usize) -> io::Result<Samples> {
         Ok(match self.kind {
-            Kind::U8 => Samples::F32(self.read(file, count, |[byte]: [u8; 1]| f32::from(byte))?),
-            Kind::F16 => Samples::F16(self.read(file, count, f16::from_le_bytes)?),
-            Kind::F32 => Samples::F32(self.read(file, count, f32::from_le_bytes)?),
-            Kind::F64 => Samples::F32(self.read(file, count, |bytes| f64::from_le_bytes(bytes) as f32)?),
+            NumberType::U8 => Samples::F32(self.read(file, count, |[byte]: [u8; 1]| f32::from(byte))?),
+            NumberType::F16 => Samples::F16(self.read(file, count, f16::from_le_bytes)?),
+            NumberType::F32 => Samples::F32(self.read(file, count, f32::from_le_bytes)?),
+            NumberType::F64 => {
+                Samples::F32(self.read(file, count, |bytes| f64::from_le_bytes(bytes) as f32)?)
+            }
         })
     }
 
     /// Reads `count` numbers without loss.
     pub(super) fn read_doubles(self, file: &mut impl Read, count: usize) -> io::Result<Vec<f64>> {
         match self.kind {
-            Kind::F64 => self.read(file, count, f64::from_le_bytes),
+            NumberType::F64 => self.read(file, count, f64::from_le_bytes),
             _ => Ok(self.read_samples(file, count)?.iter().map(f64::from).collect()),
         }
     }
@@ -148,10 +150,10 @@ mod tests {
 
     #[test]
     fn numbers_of_every_kind_are_read_in_either_order() {
-        let cases: [(Kind, Vec<u8>); 3] = [
-            (Kind::F16, [0.5, -3.25].map(|v| f16::from_f32(v).to_le_bytes()).concat()),
-            (Kind::F32, [0.5_f32, -3.25].map(f32::to_le_bytes).concat()),
-            (Kind::F64, [0.5_f64, -3.25].map(f64::to_le_bytes).concat()),
+        let cases: [(NumberType, Vec<u8>); 3] = [
+            (NumberType::F16, [0.5, -3.25].map(|v| f16::from_f32(v).to_le_bytes()).concat()),
+            (NumberType::F32, [0.5_f32, -3.25].map(f32::to_le_bytes).concat()),
+            (NumberType::F64, [0.5_f64, -3.25].map(f64::to_le_bytes).concat()),
         ];
         for (kind, bytes) in cases {
             let little = Encoding { kind, big_endian: false };
@@ -161,20 +163,20 @@ mod tests {
             for (encoding, bytes) in [(little, &bytes), (big, &turned)] {
                 let samples = encoding.read_samples(&mut bytes.as_slice(), 2).unwrap();
                 assert_eq!(samples.iter().collect::<Vec<_>>(), [0.5, -3.25]);
-                assert_eq!(matches!(samples, Samples::F16(_)), kind == Kind::F16);
+                assert_eq!(matches!(samples, Samples::F16(_)), kind == NumberType::F16);
                 assert_eq!(encoding.read_doubles(&mut bytes.as_slice(), 2).unwrap(), [0.5, -3.25]);
                 assert!(encoding.read_samples(&mut bytes.as_slice(), 3).is_err());
             }
             let mistaken = big.read_samples(&mut bytes.as_slice(), 2).unwrap();
             assert_ne!(mistaken.get(0), 0.5, "{kind:?} in the wrong order");
         }
-        let bytes = Encoding { kind: Kind::U8, big_endian: true };
+        let bytes = Encoding { kind: NumberType::U8, big_endian: true };
         assert_eq!(bytes.read_samples(&mut [0, 255].as_slice(), 2).unwrap(), Samples::F32(vec![0.0, 255.0]));
     }
 
     #[test]
     fn memory_that_is_not_there_is_an_error() {
-        let bytes = Encoding { kind: Kind::U8, big_endian: false };
+        let bytes = Encoding { kind: NumberType::U8, big_endian: false };
         let failed = bytes.read_samples(&mut io::empty(), usize::MAX / 8).unwrap_err();
         assert_eq!(failed.kind(), io::ErrorKind::OutOfMemory);
     }

@@ -61,7 +61,7 @@ pub fn read(path: &Path) -> Result<Vec<Shot>> {
     shots.collect()
 }
 
-fn parse(path: &Path) -> Result<Document> {
+fn parse(path: &Path) -> Result<TransformsDocument> {
     let refused = |source| Error::File { action: "read", path: path.to_owned(), source };
     let about = std::fs::metadata(path).map_err(refused)?;
     if !about.is_file() {
@@ -80,7 +80,7 @@ fn wrong(path: &Path, reason: impl Into<String>) -> Error {
 }
 
 #[derive(Deserialize)]
-struct Document {
+struct TransformsDocument {
     #[serde(flatten)]
     lens: Lens,
     #[serde(default)]

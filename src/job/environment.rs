@@ -42,7 +42,7 @@ pub(super) fn write_environment(
     sun: Option<Rgb>,
     exposure: f64,
 ) -> Result<Vec<u8>> {
-    let lights = basis.lights().iter().zip(basis.coefficients_of(environment));
+    let lights = basis.lights().iter().zip(environment.coefficients(basis));
     let list = Lights {
         kind: if basis.is_map() { "map" } else { "discs" },
         size: basis.is_map().then(|| basis.lattice()),

@@ -7,7 +7,7 @@ use super::machine;
 use super::steps::Timings;
 use crate::Result;
 use crate::operator::Scalars;
-use crate::problem::{Formulation, Problem, Weights};
+use crate::problem::{Formulation, Problem, RegularizationWeights};
 use crate::report::{
     self, Certificate, Coverage, Regularization, Report, RowStrategy, Share, Step, StopRecord,
 };
@@ -31,7 +31,7 @@ impl Findings<'_> {
         timings: &Timings,
     ) -> Result<Report> {
         let Computed { backend, device, work, storage, adjoint_error, solved, .. } = self.computed;
-        let Weights { tikhonov, gradient, laplacian } = solved.weights;
+        let RegularizationWeights { tikhonov, gradient, laplacian } = solved.weights;
         Ok(Report {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: command.to_owned(),
@@ -120,7 +120,7 @@ impl Findings<'_> {
 
     fn settings_in_words(&self) -> Result<BTreeMap<String, String>> {
         let solve = self.settings;
-        let Weights { tikhonov, gradient, laplacian } = self.computed.solved.relative_weights;
+        let RegularizationWeights { tikhonov, gradient, laplacian } = self.computed.solved.relative_weights;
         let mut words = self.problem.settings_in_words();
         words.extend([
             ("iterations", format!("at most {}", solve.iterations)),

@@ -12,7 +12,7 @@ use super::{Job, Options};
 use crate::gpu::GpuOperator;
 use crate::operator::{CpuVector, OnHost, TransportOperator};
 use crate::problem::{
-    Begin, LightMapProblem, Paused, Problem, Solved, Traced, fit, minimize, paint, pixels, render,
+    Begin, LightMapProblem, Paused, Problem, Solved, Traced, fitted_grids, minimize, paint, pixels, render,
 };
 use crate::scene::{Image, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View};
 use crate::solve::StopReason;
@@ -97,9 +97,9 @@ impl LiveJob {
         let mut scene = job.into_light_map()?;
         // Where the maps lie is found once, at the full size, from what is painted at first.
         let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
-        let maps = fit(&scene, &scene.light_map, &geometry)?;
-        scene.light_map.extent = Some(maps.light_map.extent);
-        scene.shadow_map.extent = Some(maps.shadow_map.grid().extent);
+        let [light_map, shadow_map] = fitted_grids(&scene, &geometry)?;
+        scene.light_map.extent = Some(light_map.extent);
+        scene.shadow_map.extent = Some(shadow_map.extent);
         scene.solve.skip.pixels = false;
         let widths: Vec<usize> = scene.views.iter().map(|view| view.camera.size()[0]).collect();
         let views: Result<_> = scene.views.iter().map(|view| seen_at(view, preview)).collect();

@@ -1,10 +1,10 @@
 //! What a job takes, and what it may take.
 
 use super::machine;
-use crate::march::Surroundings;
+use crate::march::FurtherWeights;
 use crate::operator::Tiling;
 use crate::problem::{Constraint, Optics, Problem, constraints, light_bytes, vectors};
-use crate::scene::{Find, KeyFrame, MetricName, Scene, SolveSettings, VolumeScene, Weight};
+use crate::scene::{Find, KeyFrame, MetricName, RegularizationWeight, Scene, SolveSettings, VolumeScene};
 use crate::visibility::ShadowMap;
 use crate::{Error, Result};
 
@@ -73,7 +73,7 @@ impl Memory {
         let (rows, unknowns) = (problem.rows(), formulation.elements());
         let kept = vectors(settings.solver);
         let asked = settings.regularization;
-        let used = |weight: Weight| usize::from(weight != Weight::Relative(0.0));
+        let used = |weight: RegularizationWeight| usize::from(weight != RegularizationWeight::Relative(0.0));
         let among_neighbours = used(asked.gradient) + used(asked.laplacian);
         let axes = formulation.lattices().axes();
         // Of each regularizer what the method keeps, its right-hand side and a prototype; uneven pulls take factors and room.
@@ -145,7 +145,7 @@ pub(crate) fn painted(scene: &Scene) -> Result<Vec<Constraint>> {
     let painted = constraints(scene)?;
     if let Some(around) = &scene.surroundings {
         // Weights are made row by row, and kept.
-        let needed = sky_bytes(scene) + 3 * Surroundings::bytes(painted.len(), around.len());
+        let needed = sky_bytes(scene) + 3 * FurtherWeights::bytes(painted.len(), around.len());
         Memory::of_light_map(scene).check("the light around the light map", needed)?;
     }
     Ok(painted)

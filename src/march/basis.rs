@@ -4,7 +4,7 @@ use super::{Real, Weight, exponential, least, most};
 
 /// A piece of a ray inside one cell of the basis.
 pub(super) struct Piece<F> {
-    /// The cell; texels for [`Nearest`], the squares between texel centres for [`Bilinear`].
+    /// The cell; texels for [`NearestTexel`], the squares between texel centres for [`Bilinear`].
     pub(super) cell: [usize; 2],
     /// Position inside the cell at the start of the piece, in [0, 1] up to rounding.
     pub(super) start: [F; 2],
@@ -15,7 +15,7 @@ pub(super) struct Piece<F> {
 /// A basis that takes pieces of a ray in order and visits each texel once, when the ray has left it.
 ///
 /// The support of every basis function is convex, so a straight ray is inside it without interruption.
-pub(super) trait Window<F: Real, const C: usize> {
+pub(super) trait TexelWindow<F: Real, const C: usize> {
     /// How far cells are shifted against texels, and how many more there are a side.
     const SHIFT: f64;
     /// Cells beyond the number of texels.
@@ -46,13 +46,13 @@ pub(super) trait Window<F: Real, const C: usize> {
 }
 
 /// Constant in each texel.
-pub(super) struct Nearest<F, const C: usize> {
+pub(super) struct NearestTexel<F, const C: usize> {
     width: usize,
     element: usize,
     weight: Weight<F, C>,
 }
 
-impl<F: Real, const C: usize> Nearest<F, C> {
+impl<F: Real, const C: usize> NearestTexel<F, C> {
     #[inline(always)]
     fn add(&mut self, cell: [usize; 2], weight: Weight<F, C>, visit: &mut impl FnMut(usize, Weight<F, C>)) {
         let element = cell[1] * self.width + cell[0];
@@ -67,7 +67,7 @@ impl<F: Real, const C: usize> Nearest<F, C> {
     }
 }
 
-impl<F: Real, const C: usize> Window<F, C> for Nearest<F, C> {
+impl<F: Real, const C: usize> TexelWindow<F, C> for NearestTexel<F, C> {
     const SHIFT: f64 = 0.0;
     const EXTRA: usize = 0;
 
@@ -156,7 +156,7 @@ impl<F: Real, const C: usize> Bilinear<F, C> {
     }
 }
 
-impl<F: Real, const C: usize> Window<F, C> for Bilinear<F, C> {
+impl<F: Real, const C: usize> TexelWindow<F, C> for Bilinear<F, C> {
     const SHIFT: f64 = 0.5;
     const EXTRA: usize = 1;
 

@@ -2,9 +2,9 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use super::basis::{Bilinear, Nearest, Piece, Window};
+use super::basis::{Bilinear, NearestTexel, Piece, TexelWindow};
 use super::visibility::{ShadowRay, clip};
-use super::{BesideRows, Real, Surroundings, Traversal, Weight, least, most};
+use super::{FurtherRows, FurtherWeights, Real, Traversal, Weight, least, most};
 use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray};
 use crate::visibility::ShadowMap;
 
@@ -77,36 +77,36 @@ pub struct RowExtent {
 /// Row k holds for texel i the weight `ρ f(θ) ∫₀ˢ σ_t e^{−σ_t t} V(t) vᵢ(t) dt`, with V the shadow map's
 /// visibility and vᵢ the basis (Kol 2017, eq. 1, with the σ_t and the step length that its `T[k, j]` leaves out).
 ///
-/// Shapes  rows: view rays; elements: texels of the light map, row by row, then those of the [`Surroundings`]
+/// Shapes  rows: view rays; elements: texels of the light map, row by row, then the further ones of [`FurtherWeights`]
 /// Units   weights: dimensionless a steradian (radiance of the picture per radiance of the map)
 /// Cost    one cell of the light map after the other along the lit stretches of a ray
 #[derive(Debug, Clone)]
 pub struct LightMapTraversal {
     transport: LightMapTransport,
     rays: Arc<[ViewRay]>,
-    surroundings: Option<Arc<Surroundings>>,
+    further: Option<Arc<FurtherWeights>>,
 }
 
 impl LightMapTraversal {
     /// The rows of `rays`.
     pub fn new(transport: LightMapTransport, rays: Arc<[ViewRay]>) -> Self {
-        Self { transport, rays, surroundings: None }
+        Self { transport, rays, further: None }
     }
 
-    /// The same rows, which show these surroundings, too: elements behind the texels, one row of weights a ray.
-    pub fn among(self, surroundings: Arc<Surroundings>) -> Self {
-        Self { surroundings: Some(surroundings), ..self }
+    /// The same rows, which have further weights, too: of elements behind the texels, one row of weights a ray.
+    pub fn with_further(self, further: Arc<FurtherWeights>) -> Self {
+        Self { further: Some(further), ..self }
     }
 
-    /// What the rows show beside the texels along their rays.
-    pub fn surroundings(&self) -> Option<&Arc<Surroundings>> {
-        self.surroundings.as_ref()
+    /// The weights beside those of the texels along the rays.
+    pub fn further_weights(&self) -> Option<&Arc<FurtherWeights>> {
+        self.further.as_ref()
     }
 
     /// Its rows without what is along their rays; none where they show nothing else.
-    pub fn beside(&self) -> Option<BesideRows> {
+    pub fn further_rows(&self) -> Option<FurtherRows> {
         let texels = self.transport.light_map.len();
-        self.surroundings.clone().map(|surroundings| BesideRows { surroundings, texels })
+        self.further.clone().map(|weights| FurtherRows { weights, texels })
     }
 
     /// Some of its rows.
@@ -114,7 +114,7 @@ impl LightMapTraversal {
         Self {
             transport: self.transport.clone(),
             rays: rows.iter().map(|&row| self.rays[row]).collect(),
-            surroundings: self.surroundings.as_ref().map(|shown| Arc::new(shown.picked(rows))),
+            further: self.further.as_ref().map(|shown| Arc::new(shown.picked(rows))),
         }
     }
 
@@ -150,7 +150,7 @@ impl LightMapTraversal {
     }
 
     /// The weight of light that reaches the row from outside the light map, exact whatever the quadrature.
-    pub fn surrounding_weight(&self, row: usize) -> [f64; 3] {
+    pub fn outside_weight(&self, row: usize) -> [f64; 3] {
         let (ray, end) = (&self.rays[row], self.end(&self.rays[row]));
         match self.transport.inside(ray, end) {
             None => self.weight_between(ray, 0.0, end),
@@ -164,7 +164,7 @@ impl LightMapTraversal {
 
     /// The weight of light that reaches the row from inside the light map: the row sum of the exact quadrature.
     pub fn inside_weight(&self, row: usize) -> [f64; 3] {
-        let (all, outside) = (self.lit_weight(row), self.surrounding_weight(row));
+        let (all, outside) = (self.lit_weight(row), self.outside_weight(row));
         std::array::from_fn(|c| all[c] - outside[c])
     }
 
@@ -268,18 +268,18 @@ impl<const C: usize> Traversal<f64, C> for LitRay<'_> {
 }
 
 /// What finds the lit stretches of [a, b] of a ray.
-trait Lit<F> {
+trait LitStretches<F> {
     fn each(&self, a: F, b: F, visit: impl FnMut(F, F));
 }
 
-impl<F: Real> Lit<F> for ShadowRay<'_, F> {
+impl<F: Real> LitStretches<F> for ShadowRay<'_, F> {
     #[inline(always)]
     fn each(&self, a: F, b: F, visit: impl FnMut(F, F)) {
         self.lit_stretches(a, b, visit);
     }
 }
 
-impl Lit<f64> for Vec<[f64; 2]> {
+impl LitStretches<f64> for Vec<[f64; 2]> {
     #[inline(always)]
     fn each(&self, a: f64, b: f64, mut visit: impl FnMut(f64, f64)) {
         let inside = self.iter().map(|&[start, end]| (most(start, a), least(end, b)));
@@ -293,17 +293,17 @@ impl<F: Real, const C: usize> Traversal<F, C> for LightMapTraversal {
     }
 
     fn elements(&self) -> usize {
-        let further = self.surroundings.as_ref().map_or(0, |shown| shown.further());
+        let further = self.further.as_ref().map_or(0, |shown| shown.further());
         self.transport.light_map.len() + further
     }
 
     fn long_from(&self) -> usize {
-        self.surroundings.as_ref().map_or(usize::MAX, |_| self.transport.light_map.len())
+        self.further.as_ref().map_or(usize::MAX, |_| self.transport.light_map.len())
     }
 
     #[inline]
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
-        match &self.surroundings {
+        match &self.further {
             None => self.walk_texels(row, visit),
             Some(shown) => {
                 let walk = |mut visit: &mut dyn FnMut(usize, Weight<F, C>)| self.walk_texels(row, &mut visit);
@@ -330,7 +330,7 @@ impl LightMapTransport {
 
     /// The part of [0, end] that lies over the light map.
     fn inside(&self, ray: &ViewRay, end: f64) -> Option<[f64; 2]> {
-        let cells = CellRay::<f64>::new(ray, &self.light_map, 0.0, 0);
+        let cells = TexelRay::<f64>::new(ray, &self.light_map, 0.0, 0);
         clip(cells.origin, cells.slope, self.light_map.size.map(|side| side as f64), 0.0, end)
     }
 
@@ -339,28 +339,28 @@ impl LightMapTransport {
         &self,
         ray: &ViewRay,
         end: f64,
-        lit: &impl Lit<F>,
+        lit: &impl LitStretches<F>,
         visit: &mut impl FnMut(usize, Weight<F, C>),
     ) {
         match self.basis {
-            Basis::Nearest => self.walk::<F, C, Nearest<F, C>>(ray, end, lit, visit),
+            Basis::Nearest => self.walk::<F, C, NearestTexel<F, C>>(ray, end, lit, visit),
             Basis::Bilinear => self.walk::<F, C, Bilinear<F, C>>(ray, end, lit, visit),
         }
     }
 
     #[inline]
-    fn walk<F: Real, const C: usize, W: Window<F, C>>(
+    fn walk<F: Real, const C: usize, W: TexelWindow<F, C>>(
         &self,
         ray: &ViewRay,
         end: f64,
-        lit: &impl Lit<F>,
+        lit: &impl LitStretches<F>,
         visit: &mut impl FnMut(usize, Weight<F, C>),
     ) {
         let Some([enter, leave]) = self.inside(ray, end) else { return };
         let sigma_t: [F; C] = std::array::from_fn(|c| F::of(self.sigma_t[c]));
         let scattering: [F; C] = std::array::from_fn(|c| F::of(ray.scattering[c]));
         let at = |t: F| std::array::from_fn(|c| scattering[c] * (-sigma_t[c] * t).exp());
-        let cells = CellRay::<F>::new(ray, &self.light_map, W::SHIFT, W::EXTRA);
+        let cells = TexelRay::<F>::new(ray, &self.light_map, W::SHIFT, W::EXTRA);
         let mut reached = cells.cell(F::of(enter));
         let mut window = W::new(self.light_map.size);
         let mut integrate = |a: F, b: F| match self.quadrature {
@@ -423,7 +423,7 @@ fn grid_ray(ray: &ViewRay, grid: &Grid) -> [DVec2; 2] {
 }
 
 /// A ray in cells of the basis.
-struct CellRay<F> {
+struct TexelRay<F> {
     origin: [F; 2],
     slope: [F; 2],
     /// 1 / slope, infinite where the slope is zero.
@@ -431,7 +431,7 @@ struct CellRay<F> {
     last: [usize; 2],
 }
 
-impl<F: Real> CellRay<F> {
+impl<F: Real> TexelRay<F> {
     fn new(ray: &ViewRay, grid: &Grid, shift: f64, extra: usize) -> Self {
         let [origin, slope] = grid_ray(ray, grid);
         Self {

@@ -5,19 +5,19 @@
 
 mod basis;
 mod exponential;
+mod further_weights;
 mod light_map;
-mod surroundings;
 mod visibility;
 mod volume;
 
 pub use exponential::{SERIES_0, SERIES_2};
+pub use further_weights::{FurtherRows, FurtherWeights, Reflected};
 pub use light_map::{LightMapTransport, LightMapTraversal, LitRay, RowExtent, ViewRay, weight_between};
-pub use surroundings::{BesideRows, Reflected, Surroundings};
 #[cfg(feature = "gpu")]
 pub(crate) use volume::{CellRay, Line};
 pub use volume::{
-    Density, InScattering, LinearizedTraversal, LitVolume, Part, PixelRays, Quantity, Refraction, Source,
-    VolumeTransport, VolumeTraversal,
+    Density, InScattering, LinearizedTraversal, LitVolume, PixelRays, Quantity, Refraction, SourceFunction,
+    VolumeTransport, VolumeTraversal, VoxelElements,
 };
 pub use volume::{GAUSS_2, GAUSS_4, MOST_PANELS, PANEL};
 

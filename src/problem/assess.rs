@@ -63,8 +63,8 @@ impl<'a> Assessor<'a> {
             if pixel.weight <= 0.0 {
                 continue;
             }
-            let around = self.problem.surroundings[row];
-            shown[row] = std::array::from_fn(|c| shown[row][c] + around[c]);
+            let known = self.problem.known_radiance[row];
+            shown[row] = std::array::from_fn(|c| shown[row][c] + known[c]);
             let target = self.problem.wanted(row);
             for sums in [&mut all, &mut by_view[pixel.view]] {
                 sums.add(shown[row], target, pixel.color, f64::from(pixel.weight), self.contested[row]);

@@ -16,6 +16,17 @@ pub struct Constraint {
     pub weight: f32,
 }
 
+/// What is known of the light that rows show, before anything is looked for.
+///
+/// Shapes  one colour a row
+/// Units   radiance
+pub(super) struct RowRadiance {
+    /// The constant share of a row, which no unknown changes.
+    pub(super) known: Vec<Rgb>,
+    /// What a row would show, were each light as bright as it is, but white: what a tint is relative to.
+    pub(super) white: Vec<Rgb>,
+}
+
 /// All painted pixels, view by view, row by row (and the others among them, where [`Skipping`](crate::scene::Skipping) says so).
 ///
 /// Errors: [`Error::Empty`] when nothing is painted.

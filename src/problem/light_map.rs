@@ -2,34 +2,35 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::constraints::RowRadiance;
 use super::extents::fit_to;
 use super::fill::fill;
+#[cfg(feature = "gpu")]
+use super::looked_for::on_gpu;
 use super::looked_for::{explicit, on_host, row_of};
-use super::solution::not_finite;
+use super::solved::not_finite;
 use super::surfaces::lengths;
-use super::surroundings::Shown;
+use super::surroundings::AllLight;
 use super::{
     Constraint, Formulation, Lattice, Maps, Part, Problem, Solved, Start, Surfaces, Traced, Unskipped,
     constraints,
 };
 #[cfg(feature = "gpu")]
-use crate::cpu::HostOperator;
-#[cfg(feature = "gpu")]
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
-use crate::march::{LightMapTransport, LightMapTraversal, Surroundings, ViewRay};
+use crate::march::{FurtherWeights, LightMapTransport, LightMapTraversal, ViewRay};
 use crate::operator::{CpuVector, OnHost, WalkPlan};
 #[cfg(feature = "gpu")]
-use crate::operator::{HostRows, RowTable, Sum};
-use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target};
+use crate::operator::{RowTable, Sum};
+use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target, luminance, rgb};
 use crate::sparse::ExplicitMatrix;
 use crate::visibility::{Geometry, ShadowMap};
 use crate::{Error, Result};
 
 /// The painted pixels of a scene as rows, and what they should become.
 ///
-/// The model is `scattered light = T x + surroundings`: x are the texels of the light map; outside the map the
-/// light keeps its own radiance, which gives each row a constant share. Where the scene looks for its surroundings, too, they
-/// are elements behind the texels, and a row is all that is seen: what surfaces show as well as what is scattered.
+/// The model is `scattered light = T x + known radiance`, with x the texels of the light map. Outside the map the light keeps its
+/// own radiance, which gives each row a constant share. Where the scene looks for its surroundings, too, they are elements
+/// behind the texels. A row is then all that is seen: what surfaces show as well as what is scattered.
 #[derive(Debug, Clone)]
 pub struct LightMapProblem {
     /// The rows.
@@ -38,13 +39,13 @@ pub struct LightMapProblem {
     pub maps: Maps,
     /// The rows of T.
     pub traversal: LightMapTraversal,
-    /// The radiance that each row should have, without its surroundings: b. It is negative where the
-    /// surroundings alone are too bright.
+    /// b of each row: the radiance that it should have, less its known radiance. It is negative where that alone is too bright.
     pub targets: Vec<Rgb>,
-    /// The radiance of each row that is known: what comes from outside the light map and is not looked for.
-    pub surroundings: Vec<Rgb>,
-    /// What each row shows under a white light as bright as the light is: what a tint is relative to.
+    /// The radiance of each row that no unknown changes: what comes from outside the light map and is not looked for.
+    pub known_radiance: Vec<Rgb>,
+    /// The radiance of each row under lights as bright as they are, but white: what a tint is relative to.
     white: Vec<Rgb>,
+    /// What a painted colour asks for.
     rule: Target,
     /// What the light map starts from: the radiance of the light.
     pub start: Rgb,
@@ -87,17 +88,17 @@ impl LightMapProblem {
             .collect();
         let traversal = LightMapTraversal::new(transport(scene, &maps, scene.solve.quadrature), rays);
         let start = scene.light.radiance;
-        let Rows { traversal, surroundings, white } =
-            match Shown::new(scene, &maps, &constraints, &hits, &traversal)? {
-                None => scattered(traversal, start)?,
-                Some(Shown { surroundings, known, white }) => {
-                    Rows { traversal: traversal.among(Arc::new(surroundings)), surroundings: known, white }
+        let (traversal, RowRadiance { known: known_radiance, white }) =
+            match AllLight::new(scene, &maps, &constraints, &hits, &traversal)? {
+                None => {
+                    let radiance = of_scattered_light(&traversal, start)?;
+                    (traversal, radiance)
                 }
+                Some(AllLight { further, radiance }) => (traversal.with_further(Arc::new(further)), radiance),
             };
-        let rows = constraints.iter().zip(&white).zip(&surroundings);
-        let targets =
-            rows.map(|((pixel, white), around)| target(scene.target, pixel, white, around)).collect();
-        let grey = scene.medium.is_grey() && traversal.surroundings().is_none_or(|shown| shown.is_grey());
+        let rows = constraints.iter().zip(&white).zip(&known_radiance);
+        let targets = rows.map(|((pixel, white), known)| target(scene.target, pixel, white, known)).collect();
+        let grey = scene.medium.is_grey() && traversal.further_weights().is_none_or(|shown| shown.is_grey());
         let plan = WalkPlan::of(&traversal, grey);
         let further_start = scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(start));
         Ok(Self {
@@ -105,7 +106,7 @@ impl LightMapProblem {
             maps,
             traversal,
             targets,
-            surroundings,
+            known_radiance,
             white,
             rule: scene.target,
             start,
@@ -128,7 +129,7 @@ impl LightMapProblem {
             }
             let [r, g, b, weight] = painting.pixels[pixel.y * width + pixel.x];
             (pixel.color, pixel.weight) = ([r, g, b], weight);
-            self.targets[row] = target(self.rule, pixel, &self.white[row], &self.surroundings[row]);
+            self.targets[row] = target(self.rule, pixel, &self.white[row], &self.known_radiance[row]);
         }
     }
 
@@ -153,7 +154,7 @@ impl LightMapProblem {
     /// The weight of all texels on a row together.
     pub fn weight_of_texels(&self, row: usize) -> [f64; 3] {
         let along = self.traversal.inside_weight(row);
-        match self.traversal.surroundings() {
+        match self.traversal.further_weights() {
             None => along,
             Some(shown) => {
                 let reflected = shown.reflected(row).sum();
@@ -164,7 +165,7 @@ impl LightMapProblem {
 
     /// The radiance that a row should have, all told.
     pub fn wanted(&self, row: usize) -> Rgb {
-        rgb(|c| self.targets[row][c] + self.surroundings[row][c])
+        rgb(|c| self.targets[row][c] + self.known_radiance[row][c])
     }
 
     /// The share of the painted pixels' light that comes from outside the light map, where it keeps its colour.
@@ -172,7 +173,7 @@ impl LightMapProblem {
         let sum = |weight: [f64; 3]| weight.iter().sum::<f64>();
         let rows = (0..self.constraints.len()).filter(|&row| self.constraints[row].weight > 0.0);
         let (outside, all) = rows.fold((0.0, 0.0), |(outside, all), row| {
-            (outside + sum(self.traversal.surrounding_weight(row)), all + sum(self.traversal.lit_weight(row)))
+            (outside + sum(self.traversal.outside_weight(row)), all + sum(self.traversal.lit_weight(row)))
         });
         outside / all
     }
@@ -187,7 +188,7 @@ impl LightMapProblem {
             constraints: of(&self.constraints, rows),
             maps: self.maps.clone(),
             targets: of(&self.targets, rows),
-            surroundings: of(&self.surroundings, rows),
+            known_radiance: of(&self.known_radiance, rows),
             white: of(&self.white, rows),
             further_start: self.further_start.clone(),
             widths: self.widths.clone(),
@@ -267,7 +268,7 @@ impl Problem for LightMapProblem {
         if settings.fill {
             let further = solved.x.split_off(texels);
             let reached = solved.columns.partition_point(|&column| (column as usize) < texels);
-            solved.x = fill(self, &solved.columns[..reached], solved.x)?;
+            solved.x = fill(&self.maps.light_map.size, &solved.columns[..reached], solved.x)?;
             solved.x.extend(further);
         }
         Ok(solved)
@@ -333,23 +334,13 @@ impl Problem for LightMapProblem {
     #[cfg(feature = "gpu")]
     fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, budget: u64, deterministic: bool) -> Result<GpuOperator> {
         check_brightness(gpu, self.start)?;
-        let on_host = |strategy| -> Result<Box<dyn HostRows>> {
-            Ok(Box::new(HostOperator::<_, f32>::new(
-                self.traversal.clone(),
-                self.grey,
-                &self.plan,
-                strategy,
-                u64::MAX,
-            )?))
-        };
         let walked = || -> Result<Box<dyn DeviceOperator>> {
             let walked = Walked::light_map(gpu, &self.traversal, !self.grey, deterministic)?;
-            let Some(beside) = self.traversal.beside() else { return Ok(Box::new(walked)) };
+            let Some(beside) = self.traversal.further_rows() else { return Ok(Box::new(walked)) };
             let beside = Kept::new(gpu, RowTable::walked(&beside, self.grey), self.elements())?;
             Ok(Box::new(Sum::new(walked, beside)?))
         };
-        let channels = if self.grey { 1 } else { 3 };
-        GpuOperator::new(gpu, (&self.plan, channels), (strategy, budget), &on_host, &walked)
+        on_gpu(&self.traversal, (self.grey, &self.plan), gpu, (strategy, budget), &walked)
     }
 
     fn explicit(&self, most: u64) -> Result<ExplicitMatrix> {
@@ -363,7 +354,7 @@ impl Problem for LightMapProblem {
     fn prepared_bytes(&self) -> u64 {
         let sky: usize = self.maps.sky.iter().map(|beam| beam.shadow_map.grid().len()).sum();
         let texels = self.maps.shadow_map.grid().len() + sky;
-        let weights = Surroundings::bytes(self.rows(), self.further_start.len());
+        let weights = FurtherWeights::bytes(self.rows(), self.further_start.len());
         (texels * ShadowMap::TEXEL) as u64 + if self.further_start.is_empty() { 0 } else { 3 * weights }
     }
 
@@ -383,7 +374,7 @@ impl Problem for LightMapProblem {
             add(self.maps.shadow_map.depth(k % width, k / width).to_bits().into());
         }
         self.traversal.transport().sigma_t.iter().for_each(|number| add(number.to_bits()));
-        let Some(shown) = self.traversal.surroundings() else { return };
+        let Some(shown) = self.traversal.further_weights() else { return };
         for row in 0..self.rows() {
             let further = (0..shown.further()).flat_map(|further| shown.weight(row, further));
             further.chain(shown.reflected(row).sum()).for_each(|number| add(number.to_bits().into()));
@@ -450,20 +441,14 @@ fn target(rule: Target, pixel: &Constraint, white: &Rgb, known: &Rgb) -> Rgb {
     })
 }
 
-/// What the rows are, and what of them is known.
-struct Rows {
-    traversal: LightMapTraversal,
-    surroundings: Vec<Rgb>,
-    /// What is seen under a white light as bright as the light is.
-    white: Vec<Rgb>,
-}
-
-/// Rows of scattered light alone.
-fn scattered(traversal: LightMapTraversal, start: Rgb) -> Result<Rows> {
+/// What is known of rows that show scattered light alone: the light from outside the light map, which keeps its own radiance.
+///
+/// Errors: [`Error::Empty`] when no row gets light through the light map.
+fn of_scattered_light(traversal: &LightMapTraversal, start: Rgb) -> Result<RowRadiance> {
     let count = traversal.rays().len();
     let shares: Vec<[[f64; 3]; 2]> = (0..count)
         .into_par_iter()
-        .map(|row| [traversal.lit_weight(row), traversal.surrounding_weight(row)])
+        .map(|row| [traversal.lit_weight(row), traversal.outside_weight(row)])
         .collect();
     if shares.iter().all(|share| !passes_the_map(share)) {
         let dark = shares.iter().all(|[lit, _]| *lit == [0.0; 3]);
@@ -479,9 +464,8 @@ fn scattered(traversal: LightMapTraversal, start: Rgb) -> Result<Rows> {
         });
     }
     let brightness = luminance(start);
-    Ok(Rows {
-        traversal,
-        surroundings: shares.iter().map(|[_, outside]| rgb(|c| outside[c] as f32 * start[c])).collect(),
+    Ok(RowRadiance {
+        known: shares.iter().map(|[_, outside]| rgb(|c| outside[c] as f32 * start[c])).collect(),
         white: shares.iter().map(|[lit, _]| rgb(|c| lit[c] as f32 * brightness)).collect(),
     })
 }
@@ -502,13 +486,4 @@ pub(super) fn transport(scene: &Scene, maps: &Maps, quadrature: Quadrature) -> L
         transmittance_bound: scene.solve.transmittance_bound,
         mask: None,
     }
-}
-
-/// Relative luminance of a linear Rec. 709 colour: what a white light map of the same brightness emits.
-pub(super) fn luminance(color: Rgb) -> f32 {
-    0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]
-}
-
-pub(super) fn rgb(channel: impl Fn(usize) -> f32) -> Rgb {
-    std::array::from_fn(channel)
 }

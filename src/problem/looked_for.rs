@@ -5,8 +5,10 @@ use super::{Formulation, Solved, evenly};
 use crate::Result;
 use crate::cpu::{HostOperator, kept_bytes};
 #[cfg(feature = "gpu")]
-use crate::gpu::{Gpu, GpuOperator};
-use crate::march::Traversal;
+use crate::gpu::{DeviceOperator, Gpu, GpuOperator};
+use crate::march::{Real, Traversal};
+#[cfg(feature = "gpu")]
+use crate::operator::HostRows;
 use crate::operator::{CpuVector, OnHost, WalkPlan};
 use crate::scene::{Quadrature, Rgb, SolveSettings, Strategy};
 use crate::sparse::ExplicitMatrix;
@@ -142,7 +144,7 @@ pub struct Unskipped {
 }
 
 /// T of a traversal on the processor.
-pub(super) fn on_host<F: crate::march::Real, T>(
+pub(super) fn on_host<F: Real, T>(
     rows: &T,
     (is_grey, plan): (bool, &WalkPlan),
     (strategy, budget): (Strategy, u64),
@@ -151,6 +153,27 @@ where
     T: Traversal<f64, 1> + Traversal<f64, 3> + Clone + Send + Sync + 'static,
 {
     Ok(Box::new(HostOperator::<T, F>::new(rows.clone(), is_grey, plan, strategy, budget)?))
+}
+
+/// T of a traversal on a graphics adapter: all rows kept there where `strategy` and the `budget` in bytes allow, else what `otherwise`
+/// gives.
+///
+/// Errors: [`crate::Error::TooLarge`] when rows must be kept and exceed the budget, [`crate::Error::AdapterMemory`]; those of `otherwise`.
+#[cfg(feature = "gpu")]
+pub(super) fn on_gpu<T>(
+    rows: &T,
+    (is_grey, plan): (bool, &WalkPlan),
+    gpu: &Gpu,
+    (strategy, budget): (Strategy, u64),
+    otherwise: &dyn Fn() -> Result<Box<dyn DeviceOperator>>,
+) -> Result<GpuOperator>
+where
+    T: Traversal<f64, 1> + Traversal<f64, 3> + Clone + Debug + Send + Sync + 'static,
+{
+    let on_host = |strategy| -> Result<Box<dyn HostRows>> {
+        Ok(Box::new(HostOperator::<T, f32>::new(rows.clone(), is_grey, plan, strategy, u64::MAX)?))
+    };
+    GpuOperator::new(gpu, (plan, if is_grey { 1 } else { 3 }), (strategy, budget), &on_host, otherwise)
 }
 
 /// The matrix of a traversal.

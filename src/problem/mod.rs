@@ -13,7 +13,10 @@ mod painting;
 #[cfg(feature = "gpu")]
 mod rasterized;
 mod render;
+mod sight;
+mod sky;
 mod solution;
+mod solved;
 mod surfaces;
 mod surroundings;
 mod system;
@@ -23,22 +26,19 @@ pub use assess::{Assessment, Assessor, Match};
 pub use constraints::{Constraint, constraints, pixels};
 pub use diffusion::{Diffused, Known, diffuse};
 pub use evenly::evenly;
-pub use extents::{Maps, fit};
+pub use extents::{Maps, fit, fitted_grids};
 pub use formulation::{Formulation, Lattice, Part, Start};
-use light_map::luminance;
-
 pub use light_map::LightMapProblem;
 pub use looked_for::{Problem, Unskipped};
 pub use painting::paint;
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;
 pub use render::{Rendering, render};
-pub use solution::{
-    Begin, Paused, Snapshot, Solved, SystemOperator, measure, method, minimize, solve, vectors,
-};
+pub use sky::SkyBeam;
+pub use solution::{Begin, Paused, Snapshot, SystemOperator, measure, method, minimize, solve, vectors};
+pub use solved::Solved;
 pub use surfaces::{Surfaces, Traced};
-pub use surroundings::SkyBeam;
-pub use system::{System, Weights};
+pub use system::{RegularizationWeights, System};
 pub use volume::{
     AllVoxels, Desired, Determined, LeftOut, LightColumns, LitRows, Model, Occupied, Optics, SeenLights,
     Spread, Spreading, VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,

@@ -3,11 +3,11 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::Maps;
-use super::light_map::{rgb, transport};
+use super::light_map::transport;
 use super::surroundings::{Corners, Seen};
 use crate::cpu;
 use crate::march::{LightMapTraversal, LitRay, ViewRay};
-use crate::scene::{Image, Rgb, Scene};
+use crate::scene::{Image, Rgb, Scene, rgb};
 use crate::visibility::ShadowMap;
 use crate::{Error, Result};
 
@@ -132,7 +132,7 @@ fn render_pixels(scene: &Scene, maps: &Maps, changed: Option<&Changed>, seen: &[
             });
             let outside = match changed.sun {
                 [0.0, 0.0, 0.0] => [0.0; 3],
-                _ => traversal.surrounding_weight(row),
+                _ => traversal.outside_weight(row),
             };
             let around = of_sky.shown(&changed.sky);
             let after = rgb(|c| {

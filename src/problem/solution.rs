@@ -1,29 +1,12 @@
-use super::system::{System, Weights};
-use super::{Formulation, Problem};
+use super::system::System;
+use super::{Formulation, Problem, Solved};
 use crate::Result;
 use crate::operator::{CpuVector, Indexed, LinearOperator, Stacked, TransportOperator, Vector};
 use crate::scene::{Rgb, SolveSettings, SolverName};
 use crate::solve::{
     Beginning, Cgls, Control, Fista, FlexibleCgls, History, Lbfgs, LeastSquares, Lsmr, Lsqr, Measure, Method,
-    Mprgp, Outcome, Spectral, State, Vectors, drive, hand_out, outline, restore,
+    Mprgp, Spectral, State, Vectors, drive, hand_out, outline, restore,
 };
-
-/// A solved problem.
-#[derive(Debug)]
-pub struct Solved {
-    /// All elements; those that no row reaches keep the start (texels of a light map may be filled instead).
-    pub x: Vec<Rgb>,
-    /// The elements that some row reaches, in increasing order.
-    pub columns: Vec<u32>,
-    /// How the solve went.
-    pub outcome: Outcome,
-    /// λ of the regularizers.
-    pub weights: Weights,
-    /// The same relative to the mean squared column norm, as settings give them.
-    pub relative_weights: Weights,
-    /// Applications of the transport before the first iteration: the metric, the choice of λ.
-    pub set_up_applications: usize,
-}
 
 /// What a solve was in when it was left, to be continued.
 #[derive(Debug, Clone, PartialEq)]
@@ -184,11 +167,6 @@ pub fn measure<V: Vector, R: Vector>(
         residual: r.norm_squared()?,
         normal_residual: g.projected_norm_squared(&x, problem.bounds())?,
     })
-}
-
-/// The first element that is not a number.
-pub(super) fn not_finite(elements: &[Rgb]) -> Option<usize> {
-    elements.iter().position(|element| !element.iter().all(|value| value.is_finite()))
 }
 
 struct Moment<'a, 'b, V: Indexed, R: Vector> {

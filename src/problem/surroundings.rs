@@ -1,53 +1,16 @@
 //! Light beside that of the light map: what view rays show of the sun on surfaces and of lights from everywhere.
 
 use std::f64::consts::PI;
-use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::extents::{Sight, shadow_grid};
-use super::light_map::{luminance, rgb};
+use super::constraints::RowRadiance;
 use super::{Constraint, Maps};
-use crate::march::{LightMapTraversal, Reflected, Surroundings, ViewRay, weight_between};
-use crate::scene::{Basis, Grid, LightFrame, Ray, Rgb, Scene};
-use crate::visibility::{Geometry, Hit, ShadowMap};
+use crate::march::{FurtherWeights, LightMapTraversal, Reflected, ViewRay, weight_between};
+use crate::scene::{Basis, Grid, Ray, Rgb, Scene, luminance, rgb};
+use crate::visibility::Hit;
 use crate::{Error, Result};
-
-/// One direction that a light of the sky comes from, and what stands in its way.
-#[derive(Debug, Clone)]
-pub struct SkyBeam {
-    /// Which light.
-    pub light: usize,
-    /// Towards it; of unit length.
-    pub towards: DVec3,
-    /// The part of the light's solid angle that it stands for, in steradians.
-    pub solid_angle: f64,
-    /// The frame along it.
-    pub frame: LightFrame,
-    /// Where the light arrives.
-    pub shadow_map: ShadowMap,
-}
-
-/// The directions of the lights that are looked for, with a shadow map for each.
-///
-/// Cost: one ray a texel and direction.
-pub(super) fn sky_beams(scene: &Scene, geometry: &Geometry, sight: &Sight) -> Result<Arc<[SkyBeam]>> {
-    let Some(sky) = scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()) else {
-        return Ok(Arc::new([]));
-    };
-    let beam = |light: usize, (towards, solid_angle): (DVec3, f64)| -> Result<SkyBeam> {
-        let frame = LightFrame::along(-towards);
-        let shadow_map = match shadow_grid(scene, sight, &frame, [sky.shadow_map; 2])? {
-            Some(grid) => ShadowMap::render(geometry, &frame, grid)?,
-            None => ShadowMap::open(Grid::new(sight.over(&frame).grown(1.0), [1, 1])?),
-        };
-        let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };
-        Ok(SkyBeam { light, towards, solid_angle, frame, shadow_map })
-    };
-    let directions = |light| sky.basis.directions(light).into_iter().map(move |direction| (light, direction));
-    (0..sky.basis.len()).flat_map(directions).map(|(light, direction)| beam(light, direction)).collect()
-}
 
 /// A view ray and the first surface on it.
 #[derive(Debug, Clone, Copy)]
@@ -163,25 +126,23 @@ impl Corners {
     }
 }
 
-/// All that rows show, light by light.
-pub(super) struct Shown {
-    /// The traversal's share in it.
-    pub(super) surroundings: Surroundings,
-    /// Of each row what does not change with what is looked for.
-    pub(super) known: Vec<Rgb>,
-    /// Of each row what is seen before, were each light as bright as it is, but white.
-    pub(super) white: Vec<Rgb>,
+/// The rows of a scene that looks for its surroundings: all that they show, light by light.
+pub(super) struct AllLight {
+    /// The weights of what is looked for beside the texels along the rays.
+    pub(super) further: FurtherWeights,
+    /// What is known of the rows.
+    pub(super) radiance: RowRadiance,
 }
 
 /// One row of it.
-struct Row {
+struct RowLight {
     further: Vec<Rgb>,
     reflected: Reflected,
     known: Rgb,
     white: Rgb,
 }
 
-impl Shown {
+impl AllLight {
     /// None for a scene that asks for no surroundings.
     ///
     /// Errors: [`Error::Empty`] when the sun or the sky is looked for and no row shows anything of it.
@@ -194,13 +155,13 @@ impl Shown {
     ) -> Result<Option<Self>> {
         let Some(settings) = &scene.surroundings else { return Ok(None) };
         let start = settings.start(scene.light.radiance);
-        let rows: Vec<Row> = constraints
+        let rows: Vec<RowLight> = constraints
             .par_iter()
             .zip(hits)
             .enumerate()
             .map(|(row, (pixel, &hit))| {
                 let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
-                Row::new(scene, maps, &Seen { ray, hit }, traversal, row, &start)
+                RowLight::new(scene, maps, &Seen { ray, hit }, traversal, row, &start)
             })
             .collect();
         let is_seen = |of: std::ops::Range<usize>| {
@@ -225,14 +186,16 @@ impl Shown {
         let weights: Vec<Rgb> = rows.iter().flat_map(|row| &row.further).copied().collect();
         let reflected = rows.iter().map(|row| row.reflected).collect();
         Ok(Some(Self {
-            surroundings: Surroundings::new(start.len(), &weights, reflected)?,
-            known: rows.iter().map(|row| row.known).collect(),
-            white: rows.iter().map(|row| row.white).collect(),
+            further: FurtherWeights::new(start.len(), &weights, reflected)?,
+            radiance: RowRadiance {
+                known: rows.iter().map(|row| row.known).collect(),
+                white: rows.iter().map(|row| row.white).collect(),
+            },
         }))
     }
 }
 
-impl Row {
+impl RowLight {
     fn new(
         scene: &Scene,
         maps: &Maps,
@@ -244,7 +207,7 @@ impl Row {
         let sun = seen.reflected(scene, maps, -scene.light.direction);
         let corners = sun.and_then(|(point, _)| Corners::around(maps, scene.solve.basis, point));
         let share = sun.map_or([0.0; 3], |(_, share)| share);
-        let (outside, lit) = (traversal.surrounding_weight(row), traversal.lit_weight(row));
+        let (outside, lit) = (traversal.outside_weight(row), traversal.lit_weight(row));
         let of_sun = rgb(|c| outside[c] as f32 + if corners.is_none() { share[c] } else { 0.0 });
         let is_sought = scene.surroundings.as_ref().is_some_and(|it| it.sun);
         let of_sky = seen.of_sky(scene, maps, |_| true);

@@ -5,13 +5,13 @@ use crate::operator::{
     Blocks, Bounds, CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Metric, Neighbours,
     Restricted, Scaled, Scaling, Stacked, Tiling, TransportOperator, Vector, Weighted, brought, fetched,
 };
-use crate::scene::{MetricName, Rgb, SolveSettings, Weight};
+use crate::scene::{MetricName, RegularizationWeight, Rgb, SolveSettings};
 use crate::solve::{LeastSquares, Limits, Rule, Term, choose_weight};
 use crate::{Error, Result};
 
 /// λ of the regularizers, as they multiply ½‖·‖².
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Weights {
+pub struct RegularizationWeights {
     /// Of the distance to the start.
     pub tikhonov: f64,
     /// Of the differences between neighbours.
@@ -34,8 +34,8 @@ pub struct System<'a, V: Indexed, R = V> {
     /// What the rows are divided by.
     norm: f64,
     /// λ of the divided rows.
-    weights: Weights,
-    /// λ of each unknown's pull towards its start, relative to [`Weights::tikhonov`].
+    weights: RegularizationWeights,
+    /// λ of each unknown's pull towards its start, relative to [`RegularizationWeights::tikhonov`].
     pulls: Vec<f64>,
     metric: Option<Box<dyn Metric<V>>>,
     applications: usize,
@@ -56,19 +56,23 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         let mut system = Self::without_regularization(problem, operator, coverage, settings)?;
         let regularizers = system.regularizers(problem, settings)?;
         system.weights = system.choose(settings, &regularizers)?;
-        system.metric = system.measure(problem, operator, coverage, settings, &regularizers)?;
+        system.metric = system.build_metric(problem, operator, coverage, settings, &regularizers)?;
         system.regularize(regularizers)
     }
 
     /// λ of the rows as they are.
-    pub fn absolute_weights(&self) -> Weights {
-        let Weights { tikhonov, gradient, laplacian } = self.weights;
+    pub fn absolute_weights(&self) -> RegularizationWeights {
+        let RegularizationWeights { tikhonov, gradient, laplacian } = self.weights;
         let square = self.norm.powi(2);
-        Weights { tikhonov: square * tikhonov, gradient: square * gradient, laplacian: square * laplacian }
+        RegularizationWeights {
+            tikhonov: square * tikhonov,
+            gradient: square * gradient,
+            laplacian: square * laplacian,
+        }
     }
 
     /// λ relative to the mean squared column norm, as settings give them.
-    pub fn relative_weights(&self) -> Weights {
+    pub fn relative_weights(&self) -> RegularizationWeights {
         self.weights
     }
 
@@ -180,7 +184,7 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
             bounds,
             columns,
             norm,
-            weights: Weights::default(),
+            weights: RegularizationWeights::default(),
             pulls,
             metric: None,
             applications: 0,
@@ -191,7 +195,7 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         let is_even = self.pulls.iter().all(|&pull| pull == 1.0);
         let asked = settings.regularization;
         // Who lies beside whom takes much memory, and often nobody asks.
-        let among_neighbours = [asked.gradient, asked.laplacian] != [Weight::Relative(0.0); 2];
+        let among_neighbours = [asked.gradient, asked.laplacian] != [RegularizationWeight::Relative(0.0); 2];
         if among_neighbours && !settings.skip.unknowns {
             let expected = "true where gradient or laplacian weigh: they join neighbours that are unknown, and no others";
             return Err(Error::value("skip.unknowns", false, expected));
@@ -220,7 +224,11 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
     }
 
     /// The relative weights, with the one that is left open chosen by its rule.
-    fn choose(&mut self, settings: &SolveSettings, regularizers: &Regularizers<V>) -> Result<Weights> {
+    fn choose(
+        &mut self,
+        settings: &SolveSettings,
+        regularizers: &Regularizers<V>,
+    ) -> Result<RegularizationWeights> {
         let asked = settings.regularization;
         let asked = [asked.tikhonov, asked.gradient, asked.laplacian];
         let mut rule = None;
@@ -228,12 +236,12 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         for (i, name) in ["tikhonov", "gradient", "laplacian"].into_iter().enumerate() {
             match asked[i] {
                 // Not `< 0`: a NaN must not pass.
-                Weight::Relative(weight) if !(weight >= 0.0 && weight.is_finite()) => {
+                RegularizationWeight::Relative(weight) if !(weight >= 0.0 && weight.is_finite()) => {
                     return Err(Error::value(name, weight, "finite and not negative"));
                 }
-                Weight::Relative(weight) => weights[i] = Some(weight),
-                Weight::Gcv => rule = Some(Rule::Gcv),
-                Weight::LCurve => rule = Some(Rule::LCurve),
+                RegularizationWeight::Relative(weight) => weights[i] = Some(weight),
+                RegularizationWeight::Gcv => rule = Some(Rule::Gcv),
+                RegularizationWeight::LCurve => rule = Some(Rule::LCurve),
             }
         }
         if let Some(rule) = rule {
@@ -251,12 +259,12 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
             weights = weights.map(|weight| Some(weight.unwrap_or(chosen)));
         }
         let [tikhonov, gradient, laplacian] = weights.map(Option::unwrap_or_default);
-        Ok(Weights { tikhonov, gradient, laplacian })
+        Ok(RegularizationWeights { tikhonov, gradient, laplacian })
     }
 
     /// Puts the regularizers below the data.
     fn regularize(mut self, regularizers: Regularizers<V>) -> Result<Self> {
-        let Weights { tikhonov, gradient, laplacian } = self.weights;
+        let RegularizationWeights { tikhonov, gradient, laplacian } = self.weights;
         let Regularizers { tikhonov: identity, among_neighbours, .. } = regularizers;
         let root = |weight: f64| [weight.sqrt(); 3];
         if tikhonov > 0.0 {
@@ -275,7 +283,7 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
     }
 
     /// The metric of data and regularizers that the settings ask for.
-    fn measure(
+    fn build_metric(
         &mut self,
         problem: &Formulation,
         operator: &impl TransportOperator<Domain = V, Range = R>,
@@ -336,7 +344,7 @@ struct AmongNeighbours<V: Indexed> {
 
 impl<V: Indexed> Regularizers<V> {
     /// Σ λ |R|ᵀ |R| 1, which majorizes them; for Jacobi the diagonal of Σ λ Rᵀ R.
-    fn diagonal(&self, pulls: &[f64], weights: Weights, metric: MetricName) -> Vec<f64> {
+    fn diagonal(&self, pulls: &[f64], weights: RegularizationWeights, metric: MetricName) -> Vec<f64> {
         let mut sums: Vec<f64> = pulls.iter().map(|pull| weights.tikhonov * pull).collect();
         if let Some(AmongNeighbours { neighbours, .. }) = &self.among_neighbours {
             let (of_gradient, of_laplacian) = match metric {

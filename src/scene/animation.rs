@@ -20,14 +20,14 @@ pub struct KeyFrame {
 
 /// The two keys that a frame lies between.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Between {
+pub struct KeySpan {
     /// The keys at or before the frame and after it; the same one twice at a key, before the first and behind the last.
     pub keys: [usize; 2],
     /// What the second counts, from 0 to 1; the first counts the rest.
     pub share: f64,
 }
 
-impl Between {
+impl KeySpan {
     /// Where a frame lies among the frames of keys, which increase.
     pub fn of(keys: &[usize], frame: usize) -> Self {
         let behind = keys.partition_point(|&key| key <= frame);
@@ -49,7 +49,7 @@ mod tests {
     fn frames_lie_between_their_neighbouring_keys() {
         let keys = [2, 6, 7];
         let at = |frame| {
-            let Between { keys, share } = Between::of(&keys, frame);
+            let KeySpan { keys, share } = KeySpan::of(&keys, frame);
             (keys, share)
         };
         assert_eq!(at(0), ([0, 0], 0.0));

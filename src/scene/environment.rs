@@ -1,21 +1,22 @@
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::directions::{fibonacci, longitude_latitude, nearest, picture_direction, pixel_angle};
 use super::{BasisLight, Image, LightBasis, Rgb};
 use crate::{Error, Result};
 
 /// Light from all directions, infinitely far away.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Environment {
-    sky: Sky,
+    distribution: Distribution,
     /// Directions that the light of a volume is taken from.
     directions: usize,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-enum Sky {
+enum Distribution {
     Constant(Rgb),
     Map(Image),
     Lights(Arc<LightBasis>, Vec<Rgb>),
@@ -32,7 +33,7 @@ impl Environment {
         if !is_radiance(&radiance) {
             return Err(Error::value("radiance", format!("{radiance:?}"), "finite and not negative"));
         }
-        Self::of(Sky::Constant(radiance), directions)
+        Self::of(Distribution::Constant(radiance), directions)
     }
 
     /// A picture of all directions: longitude across, latitude down, +Y at the top and −Z in the middle.
@@ -45,7 +46,7 @@ impl Environment {
                 format!("{:?} at pixel ({}, {})", picture.pixels[index], index % width, index / width);
             return Err(Error::value("file", value, "finite and not negative radiance"));
         }
-        Self::of(Sky::Map(picture), directions)
+        Self::of(Distribution::Map(picture), directions)
     }
 
     /// A combination of basis functions, one colour each.
@@ -60,50 +61,64 @@ impl Environment {
             return Err(Error::value("lights", value, "finite and not negative radiance"));
         }
         // Their directions are their own.
-        Self::of(Sky::Lights(basis, colors), 1)
+        Self::of(Distribution::Lights(basis, colors), 1)
     }
 
     /// The light a `share` of the way to another, light by light; this one where either is no combination of lights.
     ///
     /// Errors: [`Error::Shape`] for another number of lights.
     pub fn blended(&self, other: &Self, share: f64) -> Result<Self> {
-        let (Sky::Lights(basis, mine), Sky::Lights(_, theirs)) = (&self.sky, &other.sky) else {
+        let (Distribution::Lights(basis, mine), Distribution::Lights(_, theirs)) =
+            (&self.distribution, &other.distribution)
+        else {
             return Ok(self.clone());
         };
         let lights = mine.iter().zip(theirs).map(|(mine, theirs)| super::mixed(mine, theirs, share));
         Self::lights(basis.clone(), lights.collect())
     }
 
-    fn of(sky: Sky, directions: usize) -> Result<Self> {
+    fn of(distribution: Distribution, directions: usize) -> Result<Self> {
         if directions == 0 || directions > Self::MAX_DIRECTIONS {
             return Err(Error::value("directions", directions, "from 1 to 16384"));
         }
-        Ok(Self { sky, directions })
+        Ok(Self { distribution, directions })
     }
 
     /// Whether it is dark.
     pub fn is_dark(&self) -> bool {
-        match &self.sky {
-            Sky::Constant(radiance) => *radiance == [0.0; 3],
-            Sky::Map(picture) => picture.pixels.iter().all(|pixel| *pixel == [0.0; 3]),
-            Sky::Lights(_, colors) => colors.iter().all(|color| *color == [0.0; 3]),
+        match &self.distribution {
+            Distribution::Constant(radiance) => *radiance == [0.0; 3],
+            Distribution::Map(picture) => picture.pixels.iter().all(|pixel| *pixel == [0.0; 3]),
+            Distribution::Lights(_, colors) => colors.iter().all(|color| *color == [0.0; 3]),
         }
     }
 
-    /// The picture of all directions that it is, if it is one.
-    pub(super) fn as_map(&self) -> Option<&Image> {
-        match &self.sky {
-            Sky::Map(picture) => Some(picture),
-            _ => None,
+    /// The coefficients of basis functions that come nearest to it: its own where it is a combination of these, else of each basis
+    /// function the mean radiance under it.
+    ///
+    /// Shapes  returns one colour a light of the basis
+    pub fn coefficients(&self, of: &LightBasis) -> Vec<Rgb> {
+        if let Distribution::Lights(basis, colors) = &self.distribution
+            && **basis == *of
+        {
+            return colors.clone();
         }
-    }
-
-    /// The combination of basis functions that it is, if it is one.
-    pub(super) fn as_lights(&self) -> Option<(&LightBasis, &[Rgb])> {
-        match &self.sky {
-            Sky::Lights(basis, colors) => Some((basis, colors)),
-            _ => None,
+        let (mut sums, mut weights) = (vec![[0.0f64; 3]; of.len()], vec![0.0f64; of.len()]);
+        if let Distribution::Map(picture) = &self.distribution {
+            for (pixel, color) in picture.pixels.iter().enumerate() {
+                let angle = pixel_angle(picture.size(), pixel);
+                of.each_seen(picture_direction(picture.size(), pixel), |number, value| {
+                    weights[number] += angle * value;
+                    (0..3).for_each(|c| sums[number][c] += angle * value * f64::from(color[c]));
+                });
+            }
         }
+        let coefficient = |(number, light): (usize, &BasisLight)| match weights[number] {
+            // A light smaller than a pixel.
+            0.0 => self.radiance(light.towards),
+            weight => sums[number].map(|sum| (sum / weight) as f32),
+        };
+        of.lights().iter().enumerate().map(coefficient).collect()
     }
 
     /// As a latitude-longitude picture of so many columns and rows.
@@ -114,15 +129,15 @@ impl Environment {
 
     /// Radiance that comes from a direction (of unit length, pointing there).
     pub fn radiance(&self, towards: DVec3) -> Rgb {
-        match &self.sky {
-            Sky::Constant(radiance) => *radiance,
-            Sky::Map(picture) => {
+        match &self.distribution {
+            Distribution::Constant(radiance) => *radiance,
+            Distribution::Map(picture) => {
                 let [width, height] = picture.size();
                 let [u, v] = longitude_latitude(towards);
                 let pixel = |part: f64, side: usize| ((part * side as f64) as usize).min(side - 1);
                 picture.at(pixel(u, width), pixel(v, height))
             }
-            Sky::Lights(basis, colors) => basis.radiance(colors, towards),
+            Distribution::Lights(basis, colors) => basis.radiance(colors, towards),
         }
     }
 
@@ -131,12 +146,12 @@ impl Environment {
     pub fn beams(&self) -> Vec<(DVec3, Rgb)> {
         let points = fibonacci(self.directions, 2.0);
         let share = 4.0 * PI / self.directions as f64;
-        match &self.sky {
-            Sky::Constant(radiance) => {
+        match &self.distribution {
+            Distribution::Constant(radiance) => {
                 let light = radiance.map(|value| (f64::from(value) * share) as f32);
                 points.into_iter().map(|point| (point, light)).collect()
             }
-            Sky::Map(picture) => {
+            Distribution::Map(picture) => {
                 let mut sums = vec![[0.0f64; 3]; points.len()];
                 for (index, pixel) in picture.pixels.iter().enumerate() {
                     let angle = pixel_angle(picture.size(), index);
@@ -146,7 +161,7 @@ impl Environment {
                 }
                 points.into_iter().zip(sums.into_iter().map(|sum| sum.map(|value| value as f32))).collect()
             }
-            Sky::Lights(basis, colors) => {
+            Distribution::Lights(basis, colors) => {
                 let beams = |number: usize| {
                     let color = colors[number].map(f64::from);
                     basis
@@ -162,10 +177,10 @@ impl Environment {
     /// The largest radiance of any channel.
     pub fn brightest(&self) -> f32 {
         let largest = |color: &Rgb| color.iter().copied().fold(0.0, f32::max);
-        match &self.sky {
-            Sky::Constant(radiance) => largest(radiance),
-            Sky::Map(picture) => picture.pixels.iter().map(largest).fold(0.0, f32::max),
-            Sky::Lights(basis, colors) => {
+        match &self.distribution {
+            Distribution::Constant(radiance) => largest(radiance),
+            Distribution::Map(picture) => picture.pixels.iter().map(largest).fold(0.0, f32::max),
+            Distribution::Lights(basis, colors) => {
                 let middle = |light: &BasisLight| largest(&basis.radiance(colors, light.towards));
                 basis.lights().iter().map(middle).fold(0.0, f32::max)
             }
@@ -186,52 +201,10 @@ fn is_radiance(color: &Rgb) -> bool {
     color.iter().all(|&c| c.is_finite() && c >= 0.0)
 }
 
-/// Points in equal steps of height from 1 down by `height`, turned by the golden angle from one to the next: even over the sphere
-/// (2) or its upper half (1).
-pub(super) fn fibonacci(count: usize, height: f64) -> Vec<DVec3> {
-    let golden = PI * (3.0 - 5f64.sqrt());
-    (0..count)
-        .map(|k| {
-            let y = 1.0 - height * (k as f64 + 0.5) / count as f64;
-            let (radius, angle) = ((1.0 - y * y).sqrt(), golden * k as f64);
-            DVec3::new(radius * angle.cos(), y, radius * angle.sin())
-        })
-        .collect()
-}
-
-/// Where a direction lies in a latitude-longitude picture: from 0 to 1 across and down.
-pub(super) fn longitude_latitude(towards: DVec3) -> [f64; 2] {
-    let u = (towards.x.atan2(-towards.z) / TAU + 0.5).rem_euclid(1.0);
-    [u, towards.y.clamp(-1.0, 1.0).acos() / PI]
-}
-
-/// The direction of the middle of a pixel.
-pub(super) fn picture_direction([width, height]: [usize; 2], pixel: usize) -> DVec3 {
-    let (i, j) = (pixel % width, pixel / width);
-    let theta = PI * (j as f64 + 0.5) / height as f64;
-    let phi = TAU * ((i as f64 + 0.5) / width as f64 - 0.5);
-    DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos())
-}
-
-/// The solid angle of a pixel.
-pub(super) fn pixel_angle([width, height]: [usize; 2], pixel: usize) -> f64 {
-    let polar = |j: usize| PI * j as f64 / height as f64;
-    TAU / width as f64 * (polar(pixel / width).cos() - polar(pixel / width + 1).cos())
-}
-
-/// The nearest of points that stand by height.
-fn nearest(points: &[DVec3], towards: DVec3) -> usize {
-    // Within this difference of height lies the nearest one: a cap of two shares of the sphere.
-    let reach = (16.0 / points.len() as f64).sqrt().min(2.0);
-    let index = |y: f64| ((1.0 - y) * points.len() as f64 / 2.0).clamp(0.0, points.len() as f64) as usize;
-    let range = index(towards.y + reach)..(index(towards.y - reach) + 1).min(points.len());
-    let first = range.start.min(points.len() - 1);
-    range.max_by(|&a, &b| points[a].dot(towards).total_cmp(&points[b].dot(towards))).unwrap_or(first)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Over;
 
     #[test]
     fn beams_carry_all_of_the_light() -> Result<()> {
@@ -267,15 +240,16 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_direction_is_the_nearest() {
-        for count in [1, 2, 5, 64, 500] {
-            let points = fibonacci(count, 2.0);
-            for towards in fibonacci(333, 2.0) {
-                let all = |k: &usize| -points[*k].dot(towards);
-                let best = (0..count).map(|k| -all(&k)).fold(f64::NEG_INFINITY, f64::max);
-                assert!((points[nearest(&points, towards)].dot(towards) - best).abs() < 1e-12);
-            }
-        }
+    fn coefficients_of_a_constant_light_are_its_radiance_and_of_a_map_its_own() -> Result<()> {
+        let basis = LightBasis::discs(30, Over::Sphere, 0.7, 1)?;
+        let constant = Environment::constant([1.0, 2.0, 3.0], 8)?;
+        assert_eq!(constant.coefficients(&basis), vec![[1.0, 2.0, 3.0]; 30]);
+        let pixels: Vec<Rgb> = (0..16 * 8).map(|i| [i as f32, 1.0, 0.5]).collect();
+        let map = Environment::map(Image::new([16, 8], pixels.clone())?, 8)?;
+        assert_eq!(map.coefficients(&LightBasis::map([16, 8], Over::Sphere)?), pixels);
+        let means = map.coefficients(&basis);
+        assert!(means.iter().all(|color| (color[1] - 1.0).abs() < 1e-5 && color[0] > 0.0));
+        Ok(())
     }
 
     #[test]

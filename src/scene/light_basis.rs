@@ -2,8 +2,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
 
-use super::environment::{fibonacci, longitude_latitude, picture_direction, pixel_angle};
-use super::{Environment, Rgb};
+use super::Rgb;
+use super::directions::{fibonacci, longitude_latitude, picture_direction, pixel_angle};
 use crate::{Error, Result};
 
 /// Basis functions of light from everywhere, infinitely far away: what an environment light is a combination of
@@ -191,32 +191,6 @@ impl LightBasis {
         points.into_iter().map(|(point, value)| (point, solid_angle * value / whole)).collect()
     }
 
-    /// The coefficients that come nearest to a light: its own where it is a combination of these, else of each basis function
-    /// the mean radiance under it.
-    pub fn coefficients_of(&self, light: &Environment) -> Vec<Rgb> {
-        if let Some((basis, colors)) = light.as_lights()
-            && basis == self
-        {
-            return colors.to_vec();
-        }
-        let (mut sums, mut weights) = (vec![[0.0f64; 3]; self.len()], vec![0.0f64; self.len()]);
-        if let Some(picture) = light.as_map() {
-            for (pixel, color) in picture.pixels.iter().enumerate() {
-                let angle = pixel_angle(picture.size(), pixel);
-                self.each_seen(picture_direction(picture.size(), pixel), |number, value| {
-                    weights[number] += angle * value;
-                    (0..3).for_each(|c| sums[number][c] += angle * value * f64::from(color[c]));
-                });
-            }
-        }
-        let coefficient = |(number, light_of): (usize, &BasisLight)| match weights[number] {
-            // A light smaller than a pixel.
-            0.0 => light.radiance(light_of.towards),
-            weight => sums[number].map(|sum| (sum / weight) as f32),
-        };
-        self.lights.iter().enumerate().map(coefficient).collect()
-    }
-
     /// Radiance of a combination in a direction.
     pub fn radiance(&self, coefficients: &[Rgb], towards: DVec3) -> Rgb {
         let mut sum = [0.0f64; 3];
@@ -242,7 +216,6 @@ fn falloff([begin, end]: [f64; 2], u: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Image;
 
     /// ∫ B dω of every light, over a fine latitude-longitude picture.
     fn integrals(basis: &LightBasis) -> Vec<f64> {
@@ -298,19 +271,6 @@ mod tests {
                 assert!(seen > 0.0 && (towards.length() - 1.0).abs() < 1e-12);
             }
         }
-        Ok(())
-    }
-
-    #[test]
-    fn coefficients_of_a_constant_light_are_its_radiance_and_of_a_map_its_own() -> Result<()> {
-        let basis = LightBasis::discs(30, Over::Sphere, 0.7, 1)?;
-        let constant = Environment::constant([1.0, 2.0, 3.0], 8)?;
-        assert_eq!(basis.coefficients_of(&constant), vec![[1.0, 2.0, 3.0]; 30]);
-        let pixels: Vec<Rgb> = (0..16 * 8).map(|i| [i as f32, 1.0, 0.5]).collect();
-        let map = Environment::map(Image::new([16, 8], pixels.clone())?, 8)?;
-        assert_eq!(LightBasis::map([16, 8], Over::Sphere)?.coefficients_of(&map), pixels);
-        let means = basis.coefficients_of(&map);
-        assert!(means.iter().all(|color| (color[1] - 1.0).abs() < 1e-5 && color[0] > 0.0));
         Ok(())
     }
 

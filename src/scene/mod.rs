@@ -5,6 +5,7 @@
 
 mod animation;
 mod camera;
+mod directions;
 mod environment;
 mod grid;
 mod image;
@@ -25,7 +26,7 @@ mod voxel_set;
 
 use std::sync::Arc;
 
-pub use animation::{Animation, Between, KeyFrame};
+pub use animation::{Animation, KeyFrame, KeySpan};
 pub use camera::{Camera, FovAxis, Ray, look_at};
 pub use environment::Environment;
 pub use grid::{Extent, Grid};
@@ -37,8 +38,8 @@ pub use mesh::{AlphaMask, Material, Mesh, Object, Wrap};
 pub use primitive::Primitive;
 pub use procedural::{Blob, Noise, Procedural};
 pub use settings::{
-    Basis, MapSettings, MetricName, Quadrature, Regularization, SolveSettings, SolverName, Strategy, Target,
-    Weight,
+    Basis, MapSettings, MetricName, Quadrature, Regularization, RegularizationWeight, SolveSettings,
+    SolverName, Strategy, Target,
 };
 pub use skipping::Skipping;
 pub use strokes::Stroke;
@@ -50,6 +51,16 @@ pub use voxel_set::{BRICK, VoxelSet};
 
 /// One colour or one value a channel: linear Rec. 709.
 pub type Rgb = [f32; 3];
+
+/// A colour from its channels.
+pub(crate) fn rgb(channel: impl Fn(usize) -> f32) -> Rgb {
+    std::array::from_fn(channel)
+}
+
+/// Relative luminance of a linear Rec. 709 colour: a white light of this radiance is as bright.
+pub fn luminance(color: Rgb) -> f32 {
+    0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]
+}
 
 /// A colour a `share` of the way from one to another.
 pub(crate) fn mixed(from: &Rgb, to: &Rgb, share: f64) -> Rgb {

@@ -140,7 +140,7 @@ pub enum MetricName {
 
 /// A weight λ of a term ½ λ ‖R (x − x₀)‖².
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Weight {
+pub enum RegularizationWeight {
     /// So much, relative to the mean squared column norm of the weighted transport.
     Relative(f64),
     /// Chosen by generalized cross-validation.
@@ -153,20 +153,20 @@ pub enum Weight {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Regularization {
     /// Of the distance to the start, R = 1.
-    pub tikhonov: Weight,
+    pub tikhonov: RegularizationWeight,
     /// Of the first differences between neighbours.
-    pub gradient: Weight,
+    pub gradient: RegularizationWeight,
     /// Of the sums of first differences around an element.
-    pub laplacian: Weight,
+    pub laplacian: RegularizationWeight,
 }
 
 impl Default for Regularization {
     /// The papers' 2⁻⁹ (Klehm 2015, sec. 7.4) on the distance to the start.
     fn default() -> Self {
         Self {
-            tikhonov: Weight::Relative(f64::powi(2.0, -9)),
-            gradient: Weight::Relative(0.0),
-            laplacian: Weight::Relative(0.0),
+            tikhonov: RegularizationWeight::Relative(f64::powi(2.0, -9)),
+            gradient: RegularizationWeight::Relative(0.0),
+            laplacian: RegularizationWeight::Relative(0.0),
         }
     }
 }

@@ -296,15 +296,6 @@ impl Volume {
         Self::new(self.grid, self.channels, samples)
     }
 
-    /// The same in single precision.
-    pub fn widened(self) -> Self {
-        let samples = match self.samples {
-            Samples::F16(values) => Samples::F32(values.into_iter().map(f16::to_f32).collect()),
-            wide => wide,
-        };
-        Self { samples, ..self }
-    }
-
     /// Least and largest number.
     pub fn range(&self) -> [f32; 2] {
         self.samples

@@ -8,7 +8,7 @@
 //!               as the papers do; the recursion then no longer describes the iterate, and it need not converge.
 //! Source        Hestenes and Stiefel 1952; Björck 1996, algorithm 7.4.1; clamp: Klehm 2015, sec. 7.4.2.
 
-use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, each, ratio};
+use super::{LeastSquares, Live, Measure, Method, MethodMemory, Vectors, each, ratio};
 use crate::operator::{LinearOperator, PendingSum, Scalars, Vector};
 use crate::{Error, Result};
 
@@ -150,8 +150,8 @@ impl<O: LinearOperator> Method<O> for Cgls<O> {
         Some(&self.r)
     }
 
-    fn memory(&mut self) -> Memory<'_, O> {
-        Memory {
+    fn memory(&mut self) -> MethodMemory<'_, O> {
+        MethodMemory {
             domain: vec![&mut self.x, &mut self.p],
             range: vec![&mut self.r],
             scalars: vec![&mut self.gamma, &mut self.start, &mut self.residual, &mut self.normal_residual],

@@ -13,7 +13,7 @@
 //! applications an iteration give r, g and the KKT residual of the iterate itself.
 
 use super::iterate::Iterate;
-use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, each};
+use super::{LeastSquares, Live, Measure, Method, MethodMemory, Vectors, chosen, each};
 use crate::Result;
 use crate::operator::{LinearOperator, PendingSum, Scalars, Vector};
 
@@ -149,8 +149,8 @@ impl<O: LinearOperator> Method<O> for Fista<O> {
         Some(&self.at.r)
     }
 
-    fn memory(&mut self) -> Memory<'_, O> {
-        Memory {
+    fn memory(&mut self) -> MethodMemory<'_, O> {
+        MethodMemory {
             domain: vec![&mut self.at.x, &mut self.x_before, &mut self.at.g, &mut self.g_before],
             range: vec![&mut self.at.r],
             scalars: vec![

@@ -9,7 +9,7 @@
 //!               step ends a little before the bound, and that the memory is lost there and not the iteration.
 
 use super::iterate::Iterate;
-use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, each, ratio};
+use super::{LeastSquares, Live, Measure, Method, MethodMemory, Vectors, each, ratio};
 use crate::Result;
 use crate::operator::{LinearOperator, Scalars, Vector};
 
@@ -115,13 +115,13 @@ impl<O: LinearOperator> Method<O> for FlexibleCgls<O> {
         Some(&self.at.r)
     }
 
-    fn memory(&mut self) -> Memory<'_, O> {
+    fn memory(&mut self) -> MethodMemory<'_, O> {
         let mut domain = vec![&mut self.at.x, &mut self.at.g];
         domain.extend(&mut self.directions);
         let mut range = vec![&mut self.at.r];
         range.extend(&mut self.images);
         let mut scalars = vec![&mut self.at.measure.residual, &mut self.at.measure.normal_residual];
         scalars.extend(&mut self.lengths);
-        Memory { domain, range, scalars }
+        MethodMemory { domain, range, scalars }
     }
 }

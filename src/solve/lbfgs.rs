@@ -10,7 +10,7 @@
 //! Source        Nocedal 1980; two metrics: Bertsekas 1982, Kim, Sra and Dhillon 2010.
 
 use super::iterate::Iterate;
-use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, each, ratio};
+use super::{LeastSquares, Live, Measure, Method, MethodMemory, Vectors, chosen, each, ratio};
 use crate::Result;
 use crate::operator::{LinearOperator, Scalars, Vector};
 
@@ -169,13 +169,13 @@ impl<O: LinearOperator> Method<O> for Lbfgs<O> {
         Some(&self.at.r)
     }
 
-    fn memory(&mut self) -> Memory<'_, O> {
+    fn memory(&mut self) -> MethodMemory<'_, O> {
         let mut domain = vec![&mut self.at.x, &mut self.at.g];
         domain.extend(&mut self.steps);
         domain.extend(&mut self.changes);
         let mut scalars =
             vec![&mut self.alpha, &mut self.at.measure.residual, &mut self.at.measure.normal_residual];
         scalars.extend(&mut self.known);
-        Memory { domain, range: vec![&mut self.at.r], scalars }
+        MethodMemory { domain, range: vec![&mut self.at.r], scalars }
     }
 }

@@ -7,7 +7,7 @@
 //! Source        Fong and Saunders 2011, algorithm 1, ‖r‖ by sec. 3.
 
 use super::bidiagonal::Bidiagonal;
-use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, each, ratio};
+use super::{LeastSquares, Live, Measure, Method, MethodMemory, Vectors, each, ratio};
 use crate::Result;
 use crate::operator::{LinearOperator, Scalars, Vector};
 
@@ -152,9 +152,9 @@ impl<O: LinearOperator> Method<O> for Lsmr<O> {
         None
     }
 
-    fn memory(&mut self) -> Memory<'_, O> {
+    fn memory(&mut self) -> MethodMemory<'_, O> {
         let now = &mut self.recurrence;
-        Memory {
+        MethodMemory {
             domain: vec![&mut self.x, &mut self.h, &mut self.h_bar, &mut self.bidiagonal.v],
             range: vec![&mut self.bidiagonal.u],
             scalars: vec![

@@ -7,7 +7,7 @@
 //! Source        Paige and Saunders 1982, sec. 4 and 5.1.
 
 use super::bidiagonal::Bidiagonal;
-use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, each, ratio};
+use super::{LeastSquares, Live, Measure, Method, MethodMemory, Vectors, each, ratio};
 use crate::Result;
 use crate::operator::{LinearOperator, Scalars, Vector};
 
@@ -96,8 +96,8 @@ impl<O: LinearOperator> Method<O> for Lsqr<O> {
         None
     }
 
-    fn memory(&mut self) -> Memory<'_, O> {
-        Memory {
+    fn memory(&mut self) -> MethodMemory<'_, O> {
+        MethodMemory {
             domain: vec![&mut self.x, &mut self.w, &mut self.bidiagonal.v],
             range: vec![&mut self.bidiagonal.u],
             scalars: vec![

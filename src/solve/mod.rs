@@ -79,7 +79,7 @@ pub struct Vectors {
 
 /// What of a method lives from one iteration to the next.
 #[derive(Debug)]
-pub struct Memory<'a, O: LinearOperator> {
+pub struct MethodMemory<'a, O: LinearOperator> {
     /// Vectors like x.
     pub domain: Vec<&'a mut O::Domain>,
     /// Vectors like b.
@@ -118,7 +118,7 @@ pub trait Method<O: LinearOperator> {
     fn residual(&self) -> Option<&O::Range>;
 
     /// What [`save`] writes and [`restore`] reads.
-    fn memory(&mut self) -> Memory<'_, O>;
+    fn memory(&mut self) -> MethodMemory<'_, O>;
 }
 
 /// Which channels are still worked on.
@@ -151,7 +151,7 @@ pub fn save<O: LinearOperator>(method: &mut (impl Method<O> + ?Sized)) -> Result
 
 /// The lengths of the vectors of a method's state, and its scalars.
 pub fn outline<O: LinearOperator>(method: &mut (impl Method<O> + ?Sized)) -> (Vec<usize>, Vec<f64>) {
-    let Memory { domain, range, scalars } = method.memory();
+    let MethodMemory { domain, range, scalars } = method.memory();
     let lengths = domain.iter().map(|vector| vector.len()).chain(range.iter().map(|vector| vector.len()));
     (lengths.collect(), scalars.iter().flat_map(|scalars| **scalars).collect())
 }
@@ -161,7 +161,7 @@ pub fn hand_out<O: LinearOperator>(
     method: &mut (impl Method<O> + ?Sized),
     put: &mut dyn FnMut(Vec<[f64; 3]>) -> Result<()>,
 ) -> Result<()> {
-    let Memory { domain, range, .. } = method.memory();
+    let MethodMemory { domain, range, .. } = method.memory();
     domain.iter().try_for_each(|vector| put(vector.to_host()?))?;
     range.iter().try_for_each(|vector| put(vector.to_host()?))
 }
@@ -170,7 +170,7 @@ pub fn hand_out<O: LinearOperator>(
 ///
 /// Errors: [`Error::Shape`] when it is the state of another method or problem.
 pub fn restore<O: LinearOperator>(method: &mut (impl Method<O> + ?Sized), state: &State) -> Result<()> {
-    let Memory { domain, range, scalars } = method.memory();
+    let MethodMemory { domain, range, scalars } = method.memory();
     let expect = |what, expected, got| {
         if expected == got { Ok(()) } else { Err(Error::Shape { what, expected, got }) }
     };

@@ -9,7 +9,7 @@
 //! Source        Dostál 2009, *Optimal Quadratic Programming Algorithms*, algorithm 5.8 with Γ = 1.
 
 use super::iterate::Iterate;
-use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, ratio};
+use super::{LeastSquares, Live, Measure, Method, MethodMemory, Vectors, chosen, ratio};
 use crate::operator::{LinearOperator, Scalars, Vector};
 use crate::{Error, Result};
 
@@ -37,7 +37,7 @@ pub struct Mprgp<O: LinearOperator> {
 
 /// What a channel does in an iteration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum StepKind {
     Rest,
     Conjugate,
     Expansion,
@@ -79,7 +79,7 @@ impl<O: LinearOperator> Mprgp<O> {
     }
 
     /// Chooses for every channel what to do, and composes the directions in `p`.
-    fn choose(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<[Kind; 3]> {
+    fn choose(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<[StepKind; 3]> {
         let gamma = self.free_gradient(problem)?;
         let beta = ratio(gamma, self.gamma);
         self.p.axpby([-1.0; 3], &self.z, beta);
@@ -103,10 +103,10 @@ impl<O: LinearOperator> Mprgp<O> {
         self.p.axpby(chosen(leaves).map(|yes| -yes), &self.z, others(leaves));
         self.p.axpby([0.0; 3], &self.z, chosen(live));
         Ok(std::array::from_fn(|c| match (live[c], expands[c], leaves[c]) {
-            (false, _, _) => Kind::Rest,
-            (_, true, _) => Kind::Expansion,
-            (_, _, true) => Kind::Proportioning,
-            _ => Kind::Conjugate,
+            (false, _, _) => StepKind::Rest,
+            (_, true, _) => StepKind::Expansion,
+            (_, _, true) => StepKind::Proportioning,
+            _ => StepKind::Conjugate,
         }))
     }
 }
@@ -148,16 +148,16 @@ impl<O: LinearOperator> Method<O> for Mprgp<O> {
         let mut alpha = [0.0; 3];
         for c in 0..3 {
             self.norm[c] = self.norm[c].max(ratio(curvature, length)[c]);
-            if kinds[c] == Kind::Rest {
+            if kinds[c] == StepKind::Rest {
                 continue;
             }
             let best = if curvature[c] > 0.0 { -slope[c] / curvature[c] } else { 0.0 };
             // The fixed step of an expansion is safe once `norm` is; on the way there it is cut at the least objective.
-            let wanted = if kinds[c] == Kind::Expansion { best.min(1.0) } else { best };
-            let meets = wanted > room[c] && kinds[c] != Kind::Expansion;
+            let wanted = if kinds[c] == StepKind::Expansion { best.min(1.0) } else { best };
+            let meets = wanted > room[c] && kinds[c] != StepKind::Expansion;
             alpha[c] = if meets { room[c] } else { wanted };
             self.met_bound[c] = if meets { 1.0 } else { 0.0 };
-            if kinds[c] != Kind::Conjugate || meets {
+            if kinds[c] != StepKind::Conjugate || meets {
                 self.gamma[c] = 0.0;
             }
         }
@@ -180,8 +180,8 @@ impl<O: LinearOperator> Method<O> for Mprgp<O> {
         Some(&self.at.r)
     }
 
-    fn memory(&mut self) -> Memory<'_, O> {
-        Memory {
+    fn memory(&mut self) -> MethodMemory<'_, O> {
+        MethodMemory {
             domain: vec![&mut self.at.x, &mut self.at.g, &mut self.p],
             range: vec![&mut self.at.r],
             scalars: vec![

@@ -9,7 +9,7 @@
 //!               The objective is quadratic, so the step along the segment is exact instead of searched for.
 
 use super::iterate::Iterate;
-use super::{LeastSquares, Live, Measure, Memory, Method, Vectors, chosen, each, ratio};
+use super::{LeastSquares, Live, Measure, Method, MethodMemory, Vectors, chosen, each, ratio};
 use crate::Result;
 use crate::operator::{LinearOperator, Scalars, Vector};
 
@@ -139,7 +139,7 @@ impl<O: LinearOperator> Method<O> for Spectral<O> {
         Some(&self.at.r)
     }
 
-    fn memory(&mut self) -> Memory<'_, O> {
+    fn memory(&mut self) -> MethodMemory<'_, O> {
         let mut scalars = vec![
             &mut self.alpha,
             &mut self.long,
@@ -147,6 +147,6 @@ impl<O: LinearOperator> Method<O> for Spectral<O> {
             &mut self.at.measure.normal_residual,
         ];
         scalars.extend(&mut self.objectives);
-        Memory { domain: vec![&mut self.at.x, &mut self.at.g], range: vec![&mut self.at.r], scalars }
+        MethodMemory { domain: vec![&mut self.at.x, &mut self.at.g], range: vec![&mut self.at.r], scalars }
     }
 }

@@ -6,8 +6,8 @@ use glam::{DAffine3, DQuat, DVec3};
 use unscatter::problem::{Desired, Model, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use unscatter::scene::{
     Camera, Environment, ExtinctionSettings, Find, FovAxis, Image, Interpolation, LightBasis, Mesh, Over,
-    PropertyBounds, Regularization, Rgb, Samples, SolveSettings, Target, View, Volume, VolumeMedium,
-    VolumeScene, VolumeView, VoxelGrid, Weight, look_at,
+    PropertyBounds, Regularization, RegularizationWeight, Rgb, Samples, SolveSettings, Target, View, Volume,
+    VolumeMedium, VolumeScene, VolumeView, VoxelGrid, look_at,
 };
 use unscatter::visibility::Geometry;
 
@@ -119,7 +119,8 @@ pub fn scene(medium: VolumeMedium, environment: Environment, cameras: Vec<Camera
         mask: None,
         background: None,
     };
-    let regularization = Regularization { tikhonov: Weight::Relative(0.0), ..Regularization::default() };
+    let regularization =
+        Regularization { tikhonov: RegularizationWeight::Relative(0.0), ..Regularization::default() };
     VolumeScene {
         name: String::new(),
         medium,

@@ -25,7 +25,7 @@ fn layer(module: &str) -> usize {
         .unwrap_or_else(|| panic!("module `{module}` stands in no layer"))
 }
 
-fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+pub fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {

@@ -10,6 +10,7 @@
 mod bounds;
 #[cfg(unix)]
 mod card;
+mod circles;
 #[cfg(feature = "cli")]
 mod command;
 mod demo_scenes;

@@ -81,7 +81,7 @@ fn survives(bytes: &[u8]) -> Result<bool, TestCaseError> {
         x.fill([1.0; 3]);
         operator.apply(&x, &mut y)?;
         operator.apply_adjoint(&y, &mut x)?;
-        let numbers = [&y.0, &x.0, &problem.targets, &problem.surroundings];
+        let numbers = [&y.0, &x.0, &problem.targets, &problem.known_radiance];
         Ok(Some(numbers.into_iter().flatten().flatten().map(|&value| f64::from(value)).sum()))
     }));
     match outcome {

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 use unscatter::Error;
-use unscatter::march::Surroundings;
+use unscatter::march::FurtherWeights;
 use unscatter::operator::{CpuVector, LinearOperator, Neighbours, TransportOperator, adjoint_test};
 use unscatter::problem::{LightMapProblem, Problem, evenly, render, solve};
-use unscatter::scene::{Medium, Ray, Rgb, Scene, Strategy, Weight};
+use unscatter::scene::{Medium, Ray, RegularizationWeight, Rgb, Scene, Strategy};
 use unscatter::solve::Control;
 use unscatter::sparse::ExplicitMatrix;
 use unscatter::visibility::Geometry;
@@ -64,7 +64,7 @@ fn shown(problem: &LightMapProblem, light: &[Rgb]) -> Vec<Rgb> {
     let matrix = explicit(problem);
     let mut rows = matrix.range();
     matrix.apply(&wide(light), &mut rows).unwrap();
-    let known = problem.surroundings.iter().zip(&rows.0);
+    let known = problem.known_radiance.iter().zip(&rows.0);
     known.map(|(known, row)| std::array::from_fn(|c| known[c] + row[c] as f32)).collect()
 }
 
@@ -301,23 +301,23 @@ fn found(scene: &Scene, problem: &LightMapProblem) -> Vec<Rgb> {
 /// A problem whose pixels should show this much.
 fn wanting(mut problem: LightMapProblem, pictures: &[Rgb]) -> LightMapProblem {
     for (row, wanted) in pictures.iter().enumerate() {
-        problem.targets[row] = std::array::from_fn(|c| wanted[c] - problem.surroundings[row][c]);
+        problem.targets[row] = std::array::from_fn(|c| wanted[c] - problem.known_radiance[row][c]);
     }
     problem
 }
 
 /// The same rows with what is behind the texels as it starts, and known.
 fn only_texels(mut problem: LightMapProblem) -> LightMapProblem {
-    let shown = problem.traversal.surroundings().unwrap().clone();
-    for (row, known) in problem.surroundings.iter_mut().enumerate() {
+    let shown = problem.traversal.further_weights().unwrap().clone();
+    for (row, known) in problem.known_radiance.iter_mut().enumerate() {
         for (further, start) in problem.further_start.iter().enumerate() {
             let weight = shown.weight(row, further);
             (0..3).for_each(|c| known[c] += weight[c] * start[c]);
         }
     }
     let reflected = (0..problem.constraints.len()).map(|row| *shown.reflected(row)).collect();
-    let surfaces = Surroundings::new(0, &[], reflected).unwrap();
-    problem.traversal = problem.traversal.among(Arc::new(surfaces));
+    let surfaces = FurtherWeights::new(0, &[], reflected).unwrap();
+    problem.traversal = problem.traversal.with_further(Arc::new(surfaces));
     problem.further_start.clear();
     problem.replan();
     problem
@@ -361,7 +361,7 @@ fn regularizers_among_neighbours_leave_the_surroundings_alone() {
     let truth = some_light(&problem, 23);
     let [_, pictures] = pictured(&scene, &problem, &truth);
     let problem = wanting(problem, &pictures);
-    scene.solve.regularization.gradient = Weight::Relative(1e4);
+    scene.solve.regularization.gradient = RegularizationWeight::Relative(1e4);
     let light = found(&scene, &problem);
     let [texels, further] = problem.parted(&light);
     // Texels that are hardly allowed to differ; lights beside each other differ as they did.

@@ -147,7 +147,7 @@ proptest! {
         let traversal = scenes::random(seed, 16, basis, Quadrature::Exact);
         for k in 0..16 {
             let sum: f64 = row::<f64>(&traversal, k).iter().sum();
-            let (all, outside) = (traversal.lit_weight(k)[0], traversal.surrounding_weight(k)[0]);
+            let (all, outside) = (traversal.lit_weight(k)[0], traversal.outside_weight(k)[0]);
             prop_assert!((sum + outside - all).abs() <= 1e-13, "row {k}: {sum} + {outside} is not {all}");
         }
     }

@@ -7,8 +7,8 @@ use ::gltf::json::accessor::{Accessor, ComponentType};
 use ::gltf::json::buffer::View;
 use ::gltf::json::validation::Checked;
 
-use super::document::Document;
-use super::{Error, Result};
+use super::file::GltfFile;
+use crate::{Error, Result};
 
 /// Accessors without a buffer view are zeros; no file can vouch for their number.
 const MAX_ZEROS: usize = 1 << 24;
@@ -17,9 +17,9 @@ const MAX_ZEROS: usize = 1 << 24;
 ///
 /// Integers are divided by their range where the accessor is normalized. Errors: [`Error::Format`] where anything
 /// lies outside of its buffer, [`Error::TooLarge`].
-pub(super) fn read<const N: usize>(document: &Document, index: Index<Accessor>) -> Result<Vec<[f64; N]>> {
-    let broken = |reason: &str| document.broken(format!("accessor {index} {reason}"));
-    let accessor = document.get(index).ok_or_else(|| broken("is missing"))?;
+pub(super) fn read<const N: usize>(file: &GltfFile, index: Index<Accessor>) -> Result<Vec<[f64; N]>> {
+    let broken = |reason: &str| file.broken(format!("accessor {index} {reason}"));
+    let accessor = file.get(index).ok_or_else(|| broken("is missing"))?;
     let (Checked::Valid(component), Checked::Valid(kind)) = (accessor.component_type, accessor.type_) else {
         return Err(broken("has an unknown type"));
     };
@@ -27,15 +27,15 @@ pub(super) fn read<const N: usize>(document: &Document, index: Index<Accessor>) 
         return Err(broken(&format!("has {} components where {N} are needed", kind.multiplicity())));
     }
     let count = usize::try_from(accessor.count.0).map_err(|_| broken("has too many elements"))?;
-    let format = Format { component: component.0, normalized: accessor.normalized };
+    let format = ComponentFormat { component: component.0, normalized: accessor.normalized };
     let mut elements = match accessor.buffer_view {
         Some(view) => {
             let offset = accessor.byte_offset.unwrap_or_default().0;
-            elements(document, view, offset, count, format).map_err(|reason| broken(&reason))?
+            elements(file, view, offset, count, format).map_err(|reason| broken(&reason))?
         }
         None if count > MAX_ZEROS => {
             return Err(Error::TooLarge {
-                what: format!("accessor {index} of {}", document.path.display()),
+                what: format!("accessor {index} of {}", file.path.display()),
                 needed: format!("{count} zeros"),
                 limit: MAX_ZEROS.to_string(),
                 remedy: "export the mesh without empty accessors",
@@ -49,11 +49,11 @@ pub(super) fn read<const N: usize>(document: &Document, index: Index<Accessor>) 
             return Err(broken("has an unknown type of indices"));
         };
         let at = &sparse.indices;
-        let plain = Format { component: component.0, normalized: false };
-        let places: Vec<[f64; 1]> = self::elements(document, at.buffer_view, at.byte_offset.0, count, plain)
+        let plain = ComponentFormat { component: component.0, normalized: false };
+        let places: Vec<[f64; 1]> = self::elements(file, at.buffer_view, at.byte_offset.0, count, plain)
             .map_err(|reason| broken(&reason))?;
         let values = &sparse.values;
-        let values = self::elements(document, values.buffer_view, values.byte_offset.0, count, format)
+        let values = self::elements(file, values.buffer_view, values.byte_offset.0, count, format)
             .map_err(|reason| broken(&reason))?;
         for ([place], value) in places.into_iter().zip(values) {
             let element = elements.get_mut(place as usize);
@@ -64,25 +64,25 @@ pub(super) fn read<const N: usize>(document: &Document, index: Index<Accessor>) 
 }
 
 #[derive(Clone, Copy)]
-struct Format {
+struct ComponentFormat {
     component: ComponentType,
     normalized: bool,
 }
 
 /// Errors are reasons, to which the caller adds which accessor it is.
 fn elements<const N: usize>(
-    document: &Document,
+    file: &GltfFile,
     view: Index<View>,
     offset: u64,
     count: usize,
-    format: Format,
+    format: ComponentFormat,
 ) -> std::result::Result<Vec<[f64; N]>, String> {
     if count == 0 {
         return Ok(Vec::new());
     }
-    let bytes = document.view(view).map_err(|error| error.to_string())?;
+    let bytes = file.view(view).map_err(|error| error.to_string())?;
     let width = format.component.size();
-    let stride = document.get(view).and_then(|view| view.byte_stride).map_or(0, |stride| stride.0);
+    let stride = file.get(view).and_then(|view| view.byte_stride).map_or(0, |stride| stride.0);
     let stride = if stride == 0 { N * width } else { stride };
     if stride < N * width {
         return Err("has elements that overlap".into());
@@ -102,7 +102,7 @@ fn elements<const N: usize>(
 }
 
 /// From the bytes of one component; glTF 2.0, sec. 3.11 for what normalized means.
-fn number(bytes: &[u8], format: Format) -> f64 {
+fn number(bytes: &[u8], format: ComponentFormat) -> f64 {
     let (value, largest) = match (format.component, bytes) {
         (ComponentType::I8, &[a]) => (f64::from(a as i8), f64::from(i8::MAX)),
         (ComponentType::U8, &[a]) => (f64::from(a), f64::from(u8::MAX)),

@@ -9,8 +9,8 @@ use ::gltf::json::texture::{Info, WrappingMode};
 use ::gltf::json::validation::Checked;
 use image::{DynamicImage, ImageReader};
 
-use super::Result;
-use super::document::Document;
+use super::file::GltfFile;
+use crate::Result;
 use crate::scene::{AlphaMask, Material, Rgb, Wrap};
 
 /// What a glTF material means here.
@@ -60,19 +60,17 @@ impl Coordinates {
 
 /// Reads a material; the default one for none. `sets` are the texture coordinates that there are; a texture
 /// without its set cannot be placed, and is no mask.
-pub(super) fn read(document: &Document, index: Option<Index<JsonMaterial>>, sets: &[u32]) -> Result<Surface> {
+pub(super) fn read(file: &GltfFile, index: Option<Index<JsonMaterial>>, sets: &[u32]) -> Result<Surface> {
     let default = JsonMaterial::default();
     let json = match index {
-        Some(index) => {
-            document.get(index).ok_or_else(|| document.broken(format!("material {index} is missing")))?
-        }
+        Some(index) => file.get(index).ok_or_else(|| file.broken(format!("material {index} is missing")))?,
         None => &default,
     };
     let base = &json.pbr_metallic_roughness;
     let factor = base.base_color_factor.0;
     if !factor.iter().all(|c| (0.0..=1.0).contains(c)) {
         let name = json.name.as_deref().unwrap_or("without a name");
-        return Err(document.broken(format!("the base colour of material {name} is {factor:?}")));
+        return Err(file.broken(format!("the base colour of material {name} is {factor:?}")));
     }
     // In terms of the texture alone: alpha · factor < cutoff.
     let cutoff = cutoff(json).map(|cutoff| cutoff / factor[3]);
@@ -84,7 +82,7 @@ pub(super) fn read(document: &Document, index: Option<Index<JsonMaterial>>, sets
     };
     let Some(info) = base.base_color_texture.as_ref() else { return Ok(opaque(color)) };
     let coordinates = Coordinates::of(info);
-    let (picture, wrap) = texture(document, info)?;
+    let (picture, wrap) = texture(file, info)?;
     let has_alpha = picture.color().has_alpha() && sets.contains(&coordinates.set);
     let picture = picture.into_rgba8();
     let cutoff_of_mask = cutoff.filter(|_| has_alpha);
@@ -112,24 +110,24 @@ fn cutoff(material: &JsonMaterial) -> Option<f32> {
 }
 
 /// The picture of a texture and how it wraps.
-fn texture(document: &Document, info: &Info) -> Result<(DynamicImage, [Wrap; 2])> {
-    let texture = document.get(info.index);
-    let texture = texture.ok_or_else(|| document.broken(format!("texture {} is missing", info.index)))?;
-    let source = document
+fn texture(file: &GltfFile, info: &Info) -> Result<(DynamicImage, [Wrap; 2])> {
+    let texture = file.get(info.index);
+    let texture = texture.ok_or_else(|| file.broken(format!("texture {} is missing", info.index)))?;
+    let source = file
         .get(texture.source)
-        .ok_or_else(|| document.broken(format!("texture {} has no PNG or JPEG picture", info.index)))?;
+        .ok_or_else(|| file.broken(format!("texture {} has no PNG or JPEG picture", info.index)))?;
     let bytes = match (&source.uri, source.buffer_view) {
-        (_, Some(view)) => document.view(view)?.to_vec(),
-        (Some(uri), None) => document.read_uri(uri)?,
-        (None, None) => return Err(document.broken(format!("picture {} has no data", texture.source))),
+        (_, Some(view)) => file.view(view)?.to_vec(),
+        (Some(uri), None) => file.read_uri(uri)?,
+        (None, None) => return Err(file.broken(format!("picture {} has no data", texture.source))),
     };
     let name = source.uri.as_deref().filter(|uri| !uri.starts_with("data:")).unwrap_or("inside of it");
-    let failed = |error: String| document.broken(format!("the picture {name}: {error}"));
+    let failed = |error: String| file.broken(format!("the picture {name}: {error}"));
     // The reader's default limits hold sizes that a header only claims.
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let picture = reader.map_err(|error| failed(error.to_string()))?.decode();
     let picture = picture.map_err(|error| failed(error.to_string()))?;
-    let sampler = texture.sampler.and_then(|sampler| document.get(sampler)).cloned().unwrap_or_default();
+    let sampler = texture.sampler.and_then(|sampler| file.get(sampler)).cloned().unwrap_or_default();
     Ok((picture, [sampler.wrap_s, sampler.wrap_t].map(wrap)))
 }
 

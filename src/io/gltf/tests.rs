@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::*;
+use crate::Error;
 use crate::scene::{Ray, Wrap};
 use crate::visibility::Geometry;
 
@@ -315,15 +316,13 @@ fn cameras_and_suns_are_found_by_their_nodes() {
     let camera = scene.camera("Camera").unwrap();
     assert_eq!(camera, scene.camera("Camera_Orientation").unwrap());
     assert_eq!(camera.world_from_camera.translation, DVec3::new(0.0, 1.0, 5.0));
-    assert!((camera.fov - 28.6479).abs() < 1e-4 && camera.aspect == Some(1.5));
+    assert!((camera.fov - 28.6479).abs() < 1e-4);
     assert!(message(scene.camera("Plan")).contains("orthographic"));
     let (direction, radiance) = scene.sun(None).unwrap();
     assert!((direction - DVec3::NEG_Y).length() < 1e-6);
     assert_eq!(radiance, [8.0, 4.0, 2.0]);
     assert_eq!(scene.sun(Some("Sun")).unwrap().1, radiance);
     assert_eq!(scene.sun_names(), ["Sun"]);
-    assert_eq!(scene.camera_names(), ["Camera_Orientation", "Plan"]);
-    assert_eq!(scene.node_names().len(), 6);
 
     let mut two = file.clone();
     two["nodes"][0]["extensions"] = json!({"KHR_lights_punctual": {"light": 0}});

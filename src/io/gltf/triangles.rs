@@ -6,26 +6,27 @@ use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked;
 use glam::{DAffine3, DVec3};
 
-use super::document::Document;
+use super::accessor;
+use super::file::GltfFile;
 use super::material::{self, Surface};
-use super::tree::Tree;
-use super::{Error, Result, accessor};
+use super::node_tree::NodeTree;
 use crate::scene::{Mesh, Object};
+use crate::{Error, Result};
 
 /// A mesh can be instanced by any number of nodes; this bounds what a small file can grow to.
 const MAX_TRIANGLES: usize = 50_000_000;
 const MAX_VERTICES: usize = 150_000_000;
 
 /// The triangles of these nodes, each node an object that has the node's name or, where it has none, that of its mesh.
-pub(super) fn collect(document: &Document, tree: &Tree, nodes: &[usize]) -> Result<Mesh> {
-    let mut collector = Collector { document, mesh: Mesh::default(), surfaces: HashMap::new() };
+pub(super) fn collect(file: &GltfFile, tree: &NodeTree, nodes: &[usize]) -> Result<Mesh> {
+    let mut collector = Collector { file, mesh: Mesh::default(), surfaces: HashMap::new() };
     for &node in nodes {
-        let Some(index) = document.root.nodes[node].mesh else { continue };
-        let mesh = document.get(index).ok_or_else(|| document.broken(format!("mesh {index} is missing")))?;
+        let Some(index) = file.root.nodes[node].mesh else { continue };
+        let mesh = file.get(index).ok_or_else(|| file.broken(format!("mesh {index} is missing")))?;
         for primitive in &mesh.primitives {
             collector.add(primitive, tree.world_from_node(node))?;
         }
-        let name = document.root.nodes[node].name.as_ref().or(mesh.name.as_ref());
+        let name = file.root.nodes[node].name.as_ref().or(mesh.name.as_ref());
         collector.close(name.cloned());
     }
     Ok(collector.mesh)
@@ -35,7 +36,7 @@ pub(super) fn collect(document: &Document, tree: &Tree, nodes: &[usize]) -> Resu
 type SurfaceKey = (Option<usize>, Vec<u32>);
 
 struct Collector<'a> {
-    document: &'a Document,
+    file: &'a GltfFile,
     mesh: Mesh,
     /// With the index of their material in the mesh.
     surfaces: HashMap<SurfaceKey, (Surface, u32)>,
@@ -55,7 +56,7 @@ impl Collector<'_> {
         let mode = match primitive.mode {
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
             Checked::Valid(_) => return Ok(()),
-            Checked::Invalid => return Err(self.document.broken("a mesh has an unknown mode".into())),
+            Checked::Invalid => return Err(self.file.broken("a mesh has an unknown mode".into())),
         };
         let Some(&positions) = primitive.attributes.get(&Checked::Valid(Semantic::Positions)) else {
             return Ok(());
@@ -64,7 +65,7 @@ impl Collector<'_> {
         if surface.is_invisible {
             return Ok(());
         }
-        let positions = accessor::read::<3>(self.document, positions)?;
+        let positions = accessor::read::<3>(self.file, positions)?;
         let order = self.order(primitive, positions.len())?;
         let triangles = triangulate(mode, &order);
         self.check_size(positions.len(), triangles.len())?;
@@ -74,7 +75,7 @@ impl Collector<'_> {
         for position in positions {
             let position = world_from_node.transform_point3(DVec3::from_array(position));
             if !position.is_finite() {
-                return Err(self.document.broken("a vertex is not finite".into()));
+                return Err(self.file.broken("a vertex is not finite".into()));
             }
             self.mesh.positions.push(position);
         }
@@ -97,7 +98,7 @@ impl Collector<'_> {
         if let Some(known) = self.surfaces.get(&key) {
             return Ok(known.clone());
         }
-        let surface = material::read(self.document, primitive.material, &key.1)?;
+        let surface = material::read(self.file, primitive.material, &key.1)?;
         let material = self.mesh.materials.len() as u32;
         self.mesh.materials.push(surface.material.clone());
         self.surfaces.insert(key, (surface.clone(), material));
@@ -107,17 +108,17 @@ impl Collector<'_> {
     /// The vertices in the order in which they are drawn.
     fn order(&self, primitive: &Primitive, vertices: usize) -> Result<Vec<u32>> {
         if vertices > MAX_VERTICES {
-            return Err(too_large(self.document, "vertices", vertices, MAX_VERTICES));
+            return Err(too_large(self.file, "vertices", vertices, MAX_VERTICES));
         }
         let Some(indices) = primitive.indices else { return Ok((0..vertices as u32).collect()) };
-        let indices = accessor::read::<1>(self.document, indices)?;
+        let indices = accessor::read::<1>(self.file, indices)?;
         indices
             .into_iter()
             .map(|[index]| {
                 let known = index >= 0.0 && index < vertices as f64;
-                known.then_some(index as u32).ok_or_else(|| {
-                    self.document.broken(format!("a triangle has vertex {index} of {vertices}"))
-                })
+                known
+                    .then_some(index as u32)
+                    .ok_or_else(|| self.file.broken(format!("a triangle has vertex {index} of {vertices}")))
             })
             .collect()
     }
@@ -132,12 +133,10 @@ impl Collector<'_> {
         let Some(&index) = primitive.attributes.get(&Checked::Valid(semantic)) else {
             return Ok(vec![[0.0; 2]; vertices]);
         };
-        let coordinates = accessor::read::<2>(self.document, index)?;
+        let coordinates = accessor::read::<2>(self.file, index)?;
         if coordinates.len() != vertices {
             let (got, expected) = (coordinates.len(), vertices);
-            return Err(self
-                .document
-                .broken(format!("{got} texture coordinates belong to {expected} vertices")));
+            return Err(self.file.broken(format!("{got} texture coordinates belong to {expected} vertices")));
         }
         Ok(coordinates.into_iter().map(|at| surface.coordinates.apply(at)).collect())
     }
@@ -145,19 +144,19 @@ impl Collector<'_> {
     fn check_size(&self, vertices: usize, triangles: usize) -> Result<()> {
         let triangles = self.mesh.triangles.len() + triangles;
         if triangles > MAX_TRIANGLES {
-            return Err(too_large(self.document, "triangles", triangles, MAX_TRIANGLES));
+            return Err(too_large(self.file, "triangles", triangles, MAX_TRIANGLES));
         }
         let vertices = self.mesh.positions.len() + vertices;
         if vertices > MAX_VERTICES {
-            return Err(too_large(self.document, "vertices", vertices, MAX_VERTICES));
+            return Err(too_large(self.file, "vertices", vertices, MAX_VERTICES));
         }
         Ok(())
     }
 }
 
-fn too_large(document: &Document, what: &str, needed: usize, limit: usize) -> Error {
+fn too_large(file: &GltfFile, what: &str, needed: usize, limit: usize) -> Error {
     Error::TooLarge {
-        what: document.path.display().to_string(),
+        what: file.path.display().to_string(),
         needed: format!("{needed} {what} or more"),
         limit: limit.to_string(),
         remedy: "choose a single node or simplify the scene",

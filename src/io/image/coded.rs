@@ -11,7 +11,8 @@ use ::image::{
 use rayon::prelude::*;
 
 use super::{
-    Alpha, Format, Source, check_size, file_error, format_error, linear_from_srgb, srgb_from_linear,
+    Alpha, PictureFile, PictureFormat, check_size, file_error, format_error, linear_from_srgb,
+    srgb_from_linear,
 };
 use crate::scene::{Camera, Image};
 use crate::{Error, Result};
@@ -63,10 +64,10 @@ fn code_from_linear(linear: f32) -> u8 {
 /// Size and pixels: linear colour, and straight alpha for N = 4.
 pub(super) fn read<const N: usize>(
     path: &Path,
-    source: Source,
+    source: PictureFile,
     alpha: Alpha,
 ) -> Result<([usize; 2], Vec<[f32; N]>)> {
-    let Source { file, bytes, format } = source;
+    let PictureFile { file, bytes, format } = source;
     let failed = |error| decoder_error(path, format, error);
     let mut reader = ImageReader::with_format(file, crate_format(path, format)?);
     let mut limits = Limits::default();
@@ -89,12 +90,12 @@ pub(super) fn read<const N: usize>(
     Ok((size, pixels))
 }
 
-fn crate_format(path: &Path, format: Format) -> Result<ImageFormat> {
+fn crate_format(path: &Path, format: PictureFormat) -> Result<ImageFormat> {
     match format {
-        Format::Png => Ok(ImageFormat::Png),
-        Format::Jpeg => Ok(ImageFormat::Jpeg),
-        Format::Hdr => Ok(ImageFormat::Hdr),
-        Format::Exr => Err(format_error(path, format.name(), "it is read elsewhere")),
+        PictureFormat::Png => Ok(ImageFormat::Png),
+        PictureFormat::Jpeg => Ok(ImageFormat::Jpeg),
+        PictureFormat::Hdr => Ok(ImageFormat::Hdr),
+        PictureFormat::Exr => Err(format_error(path, format.name(), "it is read elsewhere")),
     }
 }
 
@@ -150,7 +151,7 @@ fn pixels<T: Copy, const N: usize>(
     samples.chunks_exact(channels).map(pixel).collect()
 }
 
-fn decoder_error(path: &Path, format: Format, error: ImageError) -> Error {
+fn decoder_error(path: &Path, format: PictureFormat, error: ImageError) -> Error {
     use std::io::ErrorKind::{InvalidData, InvalidInput, UnexpectedEof};
     match error {
         ImageError::IoError(source)

@@ -50,9 +50,9 @@ pub fn write_hdr(path: &Path, image: &Image) -> Result<()> {
 /// Errors: [`Error::File`] when it cannot be read, [`Error::Format`] when it is damaged, holds a NaN or an infinity, or
 /// is larger than 16384 pixels a side.
 pub fn read_image(path: &Path) -> Result<Image> {
-    let source = Source::open(path)?;
+    let source = PictureFile::open(path)?;
     let (size, pixels) = match source.format {
-        Format::Exr => openexr::read::<3>(path, source.file, source.bytes, Alpha::Optional)?,
+        PictureFormat::Exr => openexr::read::<3>(path, source.file, source.bytes, Alpha::Optional)?,
         _ => coded::read::<3>(path, source, Alpha::Optional)?,
     };
     check_finite(path, size, &pixels)?;
@@ -83,9 +83,9 @@ enum Alpha {
 }
 
 fn read_weighted(path: &Path, alpha: Alpha) -> Result<RgbaImage> {
-    let source = Source::open(path)?;
+    let source = PictureFile::open(path)?;
     let (size, pixels) = match source.format {
-        Format::Exr => {
+        PictureFormat::Exr => {
             let (size, mut pixels) = openexr::read::<4>(path, source.file, source.bytes, alpha)?;
             // Before alpha is divided out, so that a bad alpha is not blamed on the colour.
             check_weights(path, size, &pixels)?;
@@ -100,14 +100,14 @@ fn read_weighted(path: &Path, alpha: Alpha) -> Result<RgbaImage> {
 
 /// What a picture file is, by its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Format {
+enum PictureFormat {
     Exr,
     Png,
     Jpeg,
     Hdr,
 }
 
-impl Format {
+impl PictureFormat {
     const SIGNATURES: [(Self, &'static [u8]); 5] = [
         (Self::Exr, &[0x76, 0x2f, 0x31, 0x01]),
         (Self::Png, b"\x89PNG\r\n\x1a\n"),
@@ -131,13 +131,13 @@ impl Format {
 }
 
 /// An opened picture file, at its start.
-struct Source {
+struct PictureFile {
     file: BufReader<File>,
     bytes: u64,
-    format: Format,
+    format: PictureFormat,
 }
 
-impl Source {
+impl PictureFile {
     fn open(path: &Path) -> Result<Self> {
         let refused = |source| file_error("read", path, source);
         let mut file = File::open(path).map_err(refused)?;
@@ -145,7 +145,7 @@ impl Source {
         let mut start = Vec::new();
         (&file).take(16).read_to_end(&mut start).map_err(refused)?;
         file.rewind().map_err(refused)?;
-        let format = Format::of(&start).ok_or_else(|| {
+        let format = PictureFormat::of(&start).ok_or_else(|| {
             format_error(path, "picture", "its first bytes are not those of an EXR, PNG, HDR or JPEG file")
         })?;
         Ok(Self { file: BufReader::new(file), bytes, format })
@@ -153,7 +153,13 @@ impl Source {
 }
 
 /// Refuses sizes that are absurd, or that a file this short cannot hold in any compression, before they are allocated.
-fn check_size(path: &Path, format: Format, size: [usize; 2], decoded: u128, stored: u64) -> Result<()> {
+fn check_size(
+    path: &Path,
+    format: PictureFormat,
+    size: [usize; 2],
+    decoded: u128,
+    stored: u64,
+) -> Result<()> {
     /// Beyond what runs of equal pixels compress to, and still little enough to stop a header without a body.
     const DENSEST: u128 = 1 << 14;
     let [width, height] = size;
@@ -185,7 +191,7 @@ fn check_weights(path: &Path, size: [usize; 2], pixels: &[[f32; 4]]) -> Result<(
                 pixels[index][3],
                 place(index, size)
             );
-            Err(format_error(path, Format::Exr.name(), reason))
+            Err(format_error(path, PictureFormat::Exr.name(), reason))
         }
     }
 }

@@ -11,7 +11,7 @@ use ::exr::meta::header::Header;
 use ::exr::prelude::f16;
 
 use super::super::whole::write_whole_seekable;
-use super::{Alpha, Format, check_size, check_writable, file_error, format_error};
+use super::{Alpha, PictureFormat, check_size, check_writable, file_error, format_error};
 use crate::scene::{Camera, Image};
 use crate::{Error, Result};
 
@@ -47,7 +47,7 @@ pub(super) fn read<const N: usize>(
     let failed = |error| exr_error("read", path, error);
     let reader = block::read(file, false).map_err(failed)?;
     reader.headers().iter().try_for_each(|header| check_header(path, header, stored_bytes))?;
-    let source = Channels::find(path, reader.headers(), alpha)?;
+    let source = ExrChannels::find(path, reader.headers(), alpha)?;
     let mut picture = Picture::<N>::for_layer(&reader.headers()[source.layer]);
     if N == 4 && source.rgba[3].is_none() {
         picture.pixels.iter_mut().for_each(|pixel| pixel[N - 1] = 1.0);
@@ -66,7 +66,7 @@ pub(super) fn read<const N: usize>(
             continue;
         }
         if !seen.insert(place.tile_index) {
-            return Err(format_error(path, Format::Exr.name(), "one of its blocks is there twice"));
+            return Err(format_error(path, PictureFormat::Exr.name(), "one of its blocks is there twice"));
         }
         let block = UncompressedBlock::decompress_chunk(chunk, &meta_data, false).map_err(failed)?;
         for line in block.lines(&header.channels) {
@@ -74,7 +74,7 @@ pub(super) fn read<const N: usize>(
         }
     }
     if seen.len() != blocks_of_full_size(header) {
-        return Err(format_error(path, Format::Exr.name(), "some of its blocks are missing"));
+        return Err(format_error(path, PictureFormat::Exr.name(), "some of its blocks are missing"));
     }
     Ok((picture.size, picture.pixels))
 }
@@ -85,22 +85,22 @@ fn check_header(path: &Path, header: &Header, stored_bytes: u64) -> Result<()> {
     // terabyte and ends the process.
     if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
         let reason = "its compression is DWAA or DWAB; save it with ZIP";
-        return Err(format_error(path, Format::Exr.name(), reason));
+        return Err(format_error(path, PictureFormat::Exr.name(), reason));
     }
     let Vec2(width, height) = header.layer_size;
     let bytes = [width, height, header.channels.bytes_per_pixel].map(|n| n as u128);
     let bytes = bytes[0].saturating_mul(bytes[1]).saturating_mul(bytes[2]);
-    check_size(path, Format::Exr, [width, height], bytes, stored_bytes)?;
+    check_size(path, PictureFormat::Exr, [width, height], bytes, stored_bytes)?;
     // What the data window leaves open is not stored, so it may be much larger than the file.
     let Vec2(width, height) = header.shared_attributes.display_window.size;
-    check_size(path, Format::Exr, [width, height], 0, stored_bytes)?;
+    check_size(path, PictureFormat::Exr, [width, height], 0, stored_bytes)?;
     let Vec2(width, height) = match header.blocks {
         BlockDescription::Tiles(tiles) => tiles.tile_size,
         BlockDescription::ScanLines => Vec2(1, 1),
     };
     if [width, height].iter().any(|&side| side == 0 || side > Camera::MAX_SIZE) {
         let reason = format!("its tiles are {width} × {height} pixels, and a side must be from 1 to 16384");
-        return Err(format_error(path, Format::Exr.name(), reason));
+        return Err(format_error(path, PictureFormat::Exr.name(), reason));
     }
     Ok(())
 }
@@ -112,7 +112,7 @@ fn blocks_of_full_size(header: &Header) -> usize {
 }
 
 /// Which stored channels are R, G, B and A.
-struct Channels {
+struct ExrChannels {
     /// Index of the header; a file may hold several pictures.
     layer: usize,
     /// What stands before the dot in names such as `paint.R`, with the dot.
@@ -121,10 +121,10 @@ struct Channels {
     rgba: [Option<usize>; 4],
 }
 
-impl Channels {
+impl ExrChannels {
     /// Plain names before names in a layer, the first picture before the others.
     fn find(path: &Path, headers: &[Header], alpha: Alpha) -> Result<Self> {
-        let failed = |reason: String| format_error(path, Format::Exr.name(), reason);
+        let failed = |reason: String| format_error(path, PictureFormat::Exr.name(), reason);
         let mut found: Vec<Self> =
             headers.iter().enumerate().flat_map(|(layer, header)| Self::in_header(layer, header)).collect();
         let layered = found.iter().all(|channels| !channels.prefix.is_empty());
@@ -196,7 +196,7 @@ impl<const N: usize> Picture<N> {
     }
 
     /// Keeps what a line of one channel has inside the display window.
-    fn put(&mut self, line: &LineRef<'_>, source: &Channels, header: &Header) -> ::exr::error::UnitResult {
+    fn put(&mut self, line: &LineRef<'_>, source: &ExrChannels, header: &Header) -> ::exr::error::UnitResult {
         let channel = line.location.channel;
         if !source.rgba[..N].contains(&Some(channel)) {
             return Ok(());
@@ -244,6 +244,6 @@ impl<const N: usize> Picture<N> {
 fn exr_error(action: &'static str, path: &Path, error: ::exr::error::Error) -> Error {
     match error {
         ::exr::error::Error::Io(source) => file_error(action, path, source),
-        other => format_error(path, Format::Exr.name(), other.to_string()),
+        other => format_error(path, PictureFormat::Exr.name(), other.to_string()),
     }
 }

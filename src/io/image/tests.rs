@@ -416,7 +416,7 @@ fn extreme_numbers_anywhere_in_a_header_never_panic() {
     let folder = Folder::new();
     let files = valid_files();
     for file in files[..2].iter().chain(&files[16..]) {
-        let is_exr = Format::of(file) == Some(Format::Exr);
+        let is_exr = PictureFormat::of(file) == Some(PictureFormat::Exr);
         for at in 0..file.len().min(600) - 4 {
             for value in [-1, i32::MAX, 1 << 28] {
                 let mut file = file.clone();

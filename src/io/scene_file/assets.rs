@@ -13,7 +13,7 @@ use crate::io::{image, obj, transforms, volume};
 use crate::scene::{Image, Mesh, Rgb, RgbaImage};
 
 use super::file_name::FileName;
-use super::light::GltfNode;
+use super::gltf_node::GltfNode;
 
 /// Reads files relative to a scene file.
 #[derive(Debug)]

@@ -8,8 +8,8 @@ use crate::scene::{DirectionalLight, Rgb};
 
 use super::assets::Assets;
 use super::channels::Channels;
-use super::file_name::FileName;
 use super::flaw::{At, Built, Flaw};
+use super::gltf_node::GltfNode;
 
 /// A directional light: a `direction`, or a sun from a glTF file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -25,17 +25,6 @@ pub struct Light {
     /// light scaled so that its largest channel is 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radiance: Option<Channels>,
-}
-
-/// A node of a glTF file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GltfNode {
-    /// The .gltf or .glb file, relative to the scene file.
-    pub file: FileName,
-    /// Name of the node; when not given, whatever of the wanted kind the file holds.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub node: Option<String>,
 }
 
 impl Light {

@@ -2,13 +2,14 @@
 //!
 //! A text becomes JSON values (`read`), overrides are put into them (`overrides`), they become a
 //! [`Document`], and the document becomes a [`Scene`]. Whatever goes wrong on the way is told with file, line,
-//! column and path (`source`). A [`Resolved`] document has every setting, defaults included.
+//! column and path (`scene_text`). A [`Resolved`] document has every setting, defaults included.
 
 mod assets;
 mod channels;
 mod document;
 mod file_name;
 mod flaw;
+mod gltf_node;
 mod light;
 mod locate;
 mod map;
@@ -18,9 +19,9 @@ mod overrides;
 mod path;
 mod read;
 mod resolved;
+mod scene_text;
 mod size;
 mod solve;
-mod source;
 mod surroundings;
 #[cfg(test)]
 mod tests;
@@ -41,7 +42,8 @@ use crate::{Error, Result};
 pub use channels::{Channels, Paint, Scale};
 pub use document::{Document, Target};
 pub use file_name::FileName;
-pub use light::{GltfNode, Light};
+pub use gltf_node::GltfNode;
+pub use light::Light;
 pub use map::{Basis, Extent, LightMap, MapSize, ShadowMap};
 pub use medium::Medium;
 pub use occluder::{BoxShape, CylinderShape, GltfMesh, ObjMesh, Occluder, PlaneShape, SphereShape};
@@ -64,7 +66,7 @@ use locate::Aim;
 use overrides::Override;
 use path::{DocumentPath, Segment};
 use read::Broken;
-use source::Source;
+use scene_text::SceneText;
 use wording::About;
 
 /// Reads a scene file and everything that it names.
@@ -220,7 +222,7 @@ fn scene_of<D: Describes>(bytes: &[u8], file: &Path, overrides: &[String]) -> Re
             (std::str::from_utf8(valid).unwrap_or_default(), Some(error.valid_up_to()))
         }
     };
-    let mut source = Source { file, text, set: Vec::new() };
+    let mut source = SceneText { file, text, set: Vec::new() };
     if let Some(offset) = invalid {
         let problem = "the text is not UTF-8 from here on; save it as UTF-8".to_owned();
         return Err(source.error_at_offset(offset, &DocumentPath::default(), problem));
@@ -229,7 +231,7 @@ fn scene_of<D: Describes>(bytes: &[u8], file: &Path, overrides: &[String]) -> Re
     Ok((source.placed(document.scene(file))?, document))
 }
 
-fn document<D: Describes>(source: &mut Source<'_>, overrides: &[String]) -> Result<D> {
+fn document<D: Describes>(source: &mut SceneText<'_>, overrides: &[String]) -> Result<D> {
     let mut value = read::value(source.text).map_err(|broken| syntax_error(source, broken))?;
     for text in overrides {
         let change = Override::parse(text)?;
@@ -251,7 +253,7 @@ fn check_version(value: &Value) -> Result<(), Flaw> {
     }
 }
 
-fn syntax_error(source: &Source<'_>, broken: Broken) -> Error {
+fn syntax_error(source: &SceneText<'_>, broken: Broken) -> Error {
     match broken {
         Broken::TooMany(error) => error,
         Broken::Syntax { path, offset, problem } => source.error_at_offset(offset, &path, problem),
@@ -264,7 +266,7 @@ fn syntax_error(source: &Source<'_>, broken: Broken) -> Error {
 
 /// The error for JSON values that are not a [`Document`].
 fn mismatch(
-    source: &Source<'_>,
+    source: &SceneText<'_>,
     value: &Value,
     error: &serde_path_to_error::Error<serde_json::Error>,
 ) -> Error {

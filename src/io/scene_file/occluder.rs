@@ -13,7 +13,7 @@ use super::assets::Assets;
 use super::channels::Channels;
 use super::file_name::FileName;
 use super::flaw::{At, Built, Flaw};
-use super::light::GltfNode;
+use super::gltf_node::GltfNode;
 use super::transform::{FARTHEST, Transform};
 
 /// Something that casts shadows and that the views see: a built-in shape or the triangles of a file.

@@ -338,9 +338,9 @@ mod tests {
             metric: scene::MetricName::Jacobi,
             fill: true,
             regularization: Regularization {
-                tikhonov: scene::Weight::Relative(2.0),
-                gradient: scene::Weight::Gcv,
-                laplacian: scene::Weight::Relative(0.5),
+                tikhonov: scene::RegularizationWeight::Relative(2.0),
+                gradient: scene::RegularizationWeight::Gcv,
+                laplacian: scene::RegularizationWeight::Relative(0.5),
             },
             basis: scene::Basis::Nearest,
             quadrature: scene::Quadrature::March { steps: 9 },

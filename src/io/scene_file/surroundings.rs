@@ -74,7 +74,7 @@ impl Sky {
         let basis = self.lights.clone().unwrap_or_default().build().at("lights")?;
         let start =
             Environment { radiance: self.radiance, file: self.file.clone(), ..Environment::default() };
-        let start = basis.coefficients_of(&start.build(assets)?);
+        let start = start.build(assets)?.coefficients(&basis);
         Ok(scene::Sky { basis: Arc::new(basis), start, shadow_map })
     }
 }

@@ -250,7 +250,7 @@ fn bad_overrides_are_told_as_such() {
 }
 
 fn document_from(text: &str) -> Document {
-    let mut source = Source { file: Path::new("fog.json"), text, set: Vec::new() };
+    let mut source = SceneText { file: Path::new("fog.json"), text, set: Vec::new() };
     document(&mut source, &[]).unwrap()
 }
 

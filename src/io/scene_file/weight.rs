@@ -13,15 +13,15 @@ use super::flaw::{Built, checked};
 
 /// A weight, relative to the mean squared column norm of the transport, or how it is chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Weight(scene::Weight);
+pub struct Weight(scene::RegularizationWeight);
 
 const GCV: &str = "gcv";
 const L_CURVE: &str = "l-curve";
 
 impl Weight {
     /// The weight; a flaw at `path` when it is negative.
-    pub(super) fn build(self, path: &str) -> Built<scene::Weight> {
-        if let scene::Weight::Relative(weight) = self.0 {
+    pub(super) fn build(self, path: &str) -> Built<scene::RegularizationWeight> {
+        if let scene::RegularizationWeight::Relative(weight) = self.0 {
             checked(path, weight, "finite and not negative", |weight| weight >= 0.0)?;
         }
         Ok(self.0)
@@ -29,12 +29,12 @@ impl Weight {
 
     /// Whether it is to be chosen.
     pub(super) fn is_open(self) -> bool {
-        !matches!(self.0, scene::Weight::Relative(_))
+        !matches!(self.0, scene::RegularizationWeight::Relative(_))
     }
 }
 
-impl From<scene::Weight> for Weight {
-    fn from(weight: scene::Weight) -> Self {
+impl From<scene::RegularizationWeight> for Weight {
+    fn from(weight: scene::RegularizationWeight) -> Self {
         Self(weight)
     }
 }
@@ -42,9 +42,9 @@ impl From<scene::Weight> for Weight {
 impl Serialize for Weight {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self.0 {
-            scene::Weight::Relative(weight) => weight.serialize(serializer),
-            scene::Weight::Gcv => GCV.serialize(serializer),
-            scene::Weight::LCurve => L_CURVE.serialize(serializer),
+            scene::RegularizationWeight::Relative(weight) => weight.serialize(serializer),
+            scene::RegularizationWeight::Gcv => GCV.serialize(serializer),
+            scene::RegularizationWeight::LCurve => L_CURVE.serialize(serializer),
         }
     }
 }
@@ -65,7 +65,7 @@ impl Visitor<'_> for WeightVisitor {
     }
 
     fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<Weight, E> {
-        Ok(Weight(scene::Weight::Relative(value)))
+        Ok(Weight(scene::RegularizationWeight::Relative(value)))
     }
 
     fn visit_u64<E: serde::de::Error>(self, value: u64) -> Result<Weight, E> {
@@ -78,8 +78,8 @@ impl Visitor<'_> for WeightVisitor {
 
     fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Weight, E> {
         match name {
-            GCV => Ok(Weight(scene::Weight::Gcv)),
-            L_CURVE => Ok(Weight(scene::Weight::LCurve)),
+            GCV => Ok(Weight(scene::RegularizationWeight::Gcv)),
+            L_CURVE => Ok(Weight(scene::RegularizationWeight::LCurve)),
             other => Err(E::unknown_variant(other, &[GCV, L_CURVE])),
         }
     }

@@ -1,5 +1,5 @@
 use super::mask::{Mask, place_of, slot_at};
-use super::tree::{LEAF_LOG2, Part};
+use super::tree::{LEAF_LOG2, Node};
 use crate::scene::VoxelGrid;
 use crate::{Error, Result};
 
@@ -25,14 +25,14 @@ impl IndexBox {
     }
 
     /// Includes what is active of a part.
-    pub(super) fn include_active<const C: usize>(&mut self, part: &Part<C>) {
+    pub(super) fn include_active<const C: usize>(&mut self, part: &Node<C>) {
         match *part {
-            Part::Tile { origin, side, active: true, .. } => {
+            Node::Tile { origin, side, active: true, .. } => {
                 self.include(origin);
                 self.include(origin.map(|first| first + side - 1));
             }
-            Part::Tile { .. } => {}
-            Part::Leaf { origin, active } => self.include_leaf(origin, active),
+            Node::Tile { .. } => {}
+            Node::Leaf { origin, active } => self.include_leaf(origin, active),
         }
     }
 
@@ -68,13 +68,13 @@ impl IndexBox {
 }
 
 /// The values of all voxels of a box; x runs fastest.
-pub(super) struct Dense<const C: usize> {
+pub(super) struct DenseGrid<const C: usize> {
     min: [i64; 3],
     size: [usize; 3],
     pub(super) values: Vec<[f32; C]>,
 }
 
-impl<const C: usize> Dense<C> {
+impl<const C: usize> DenseGrid<C> {
     /// Errors: [`Error::Machine`] without the memory for it.
     pub(super) fn new(min: [i64; 3], size: [usize; 3], background: [f32; C]) -> Result<Self> {
         let mut values = Vec::new();

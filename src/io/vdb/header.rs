@@ -1,7 +1,7 @@
 use std::io::{Read, Seek};
 
+use super::byte_reader::ByteReader;
 use super::packing::Compression;
-use super::source::Source;
 use crate::Result;
 
 /// The first eight bytes.
@@ -41,7 +41,7 @@ pub(super) struct Descriptor {
 
 impl Header {
     /// Errors: [`Error::Format`](crate::Error::Format).
-    pub(super) fn read<R: Read + Seek>(source: &mut Source<R>) -> Result<Self> {
+    pub(super) fn read<R: Read + Seek>(source: &mut ByteReader<R>) -> Result<Self> {
         if source.array()? != MAGIC.to_le_bytes() {
             return Err(source.broken("it does not begin like one"));
         }
@@ -97,7 +97,7 @@ impl Header {
 
 impl Descriptor {
     /// Reads one and continues behind its grid.
-    fn read<R: Read + Seek>(source: &mut Source<R>) -> Result<Self> {
+    fn read<R: Read + Seek>(source: &mut ByteReader<R>) -> Result<Self> {
         let unique = source.text()?;
         let tree = source.text()?;
         let instance_of = source.text()?;
@@ -128,7 +128,7 @@ pub(super) struct Metadata {
 
 impl Metadata {
     /// Errors: [`Error::Format`](crate::Error::Format).
-    pub(super) fn read<R: Read + Seek>(source: &mut Source<R>) -> Result<Self> {
+    pub(super) fn read<R: Read + Seek>(source: &mut ByteReader<R>) -> Result<Self> {
         let mut half = None;
         for _ in 0..source.u32()? {
             let name = source.text()?;

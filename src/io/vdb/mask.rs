@@ -1,6 +1,6 @@
 use std::io::{Read, Seek};
 
-use super::source::Source;
+use super::byte_reader::ByteReader;
 use crate::Result;
 
 /// One bit for each slot of a node. Slot (x, y, z) of a node with 2ˡ slots a side has number (x·2ˡ + y)·2ˡ + z: z runs
@@ -14,7 +14,7 @@ impl Mask {
         Self(vec![0; len / 64])
     }
 
-    pub(super) fn read<R: Read + Seek>(source: &mut Source<R>, len: usize) -> Result<Self> {
+    pub(super) fn read<R: Read + Seek>(source: &mut ByteReader<R>, len: usize) -> Result<Self> {
         let bytes = source.bytes(len / 8)?;
         Ok(Self(bytes.as_chunks().0.iter().map(|&word| u64::from_le_bytes(word)).collect()))
     }

@@ -10,13 +10,13 @@
 //! Source  the reader and writer of OpenVDB 10 to 13 (io/Archive.cc, io/Compression.h, tree/*.h), for the layout
 
 mod blosc;
+mod byte_reader;
+mod byte_writer;
 mod dense;
 mod header;
 mod mask;
 mod packing;
 mod read;
-mod sink;
-mod source;
 mod sparse;
 #[cfg(test)]
 mod tests;

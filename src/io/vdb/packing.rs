@@ -3,7 +3,7 @@ use std::io::{Read, Seek};
 use flate2::{Compress, Decompress, FlushCompress, FlushDecompress, Status};
 
 use super::blosc;
-use super::source::Source;
+use super::byte_reader::ByteReader;
 use crate::Result;
 
 /// How the values of a written file are packed.
@@ -70,7 +70,11 @@ impl Unpacker {
     /// The next buffer, `len` bytes when unpacked; the caller knows `len` from the kind of node.
     ///
     /// Errors: [`Error::Format`](crate::Error::Format).
-    pub(super) fn unpack<R: Read + Seek>(&mut self, source: &mut Source<R>, len: usize) -> Result<Vec<u8>> {
+    pub(super) fn unpack<R: Read + Seek>(
+        &mut self,
+        source: &mut ByteReader<R>,
+        len: usize,
+    ) -> Result<Vec<u8>> {
         if self.compression == Compression::None {
             return source.bytes(len);
         }

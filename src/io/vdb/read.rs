@@ -3,12 +3,12 @@ use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 
-use super::dense::{Dense, IndexBox, MAX_DENSE};
+use super::byte_reader::ByteReader;
+use super::dense::{DenseGrid, IndexBox, MAX_DENSE};
 use super::header::{CODED_NODES, Descriptor, Header, Metadata};
 use super::packing::Compression;
-use super::source::Source;
 use super::transform;
-use super::tree::{Part, Tree};
+use super::tree::{Node, Tree};
 use super::values::Decoder;
 use crate::Result;
 use crate::scene::{Samples, Volume, VoxelGrid};
@@ -25,20 +25,20 @@ use crate::scene::{Samples, Volume, VoxelGrid};
 /// [`Error::TooLarge`](crate::Error::TooLarge) for a box of more than 2²⁹ voxels or 4096 a side;
 /// [`Error::NonFinite`](crate::Error::NonFinite) naming a voxel.
 pub fn read(path: &Path, grid: Option<&str>) -> Result<Volume> {
-    read_from(Source::open(path)?, grid, MAX_DENSE)
+    read_from(ByteReader::open(path)?, grid, MAX_DENSE)
 }
 
 /// The names of the grids in a VDB file, in its order.
 ///
 /// Errors: [`Error::File`](crate::Error::File), or [`Error::Format`](crate::Error::Format) for a file that is damaged.
 pub fn names(path: &Path) -> Result<Vec<String>> {
-    let header = Header::read(&mut Source::open(path)?)?;
+    let header = Header::read(&mut ByteReader::open(path)?)?;
     Ok(header.grids.into_iter().map(|grid| grid.name).collect())
 }
 
 /// [`read`] from anything that has bytes, and at most so many voxels.
 pub(super) fn read_from<R: Read + Seek>(
-    mut source: Source<R>,
+    mut source: ByteReader<R>,
     grid: Option<&str>,
     max_voxels: usize,
 ) -> Result<Volume> {
@@ -78,7 +78,7 @@ fn kind_of(tree: &str) -> String {
 
 /// Two passes over the tree, as the box is known only after the first: so nothing but the box itself is kept dense.
 fn volume<R: Read + Seek, const C: usize>(
-    source: &mut Source<R>,
+    source: &mut ByteReader<R>,
     header: &Header,
     grid: &Descriptor,
     max_voxels: usize,
@@ -94,7 +94,7 @@ fn volume<R: Read + Seek, const C: usize>(
     let mut leaves = Vec::new();
     tree.topology(&mut |part| {
         bounds.include_active(&part);
-        if let Part::Leaf { origin, .. } = part {
+        if let Node::Leaf { origin, .. } = part {
             leaves.push(origin);
         }
     })?;
@@ -106,10 +106,10 @@ fn volume<R: Read + Seek, const C: usize>(
     let voxels = VoxelGrid::new(size, world_from_grid)
         .map_err(|error| tree.source.broken(format!("the transform of its grid `{}`: {error}", grid.name)))?;
 
-    let mut dense = Dense::new(bounds.min, size, tree.decoder.background)?;
+    let mut dense = DenseGrid::new(bounds.min, size, tree.decoder.background)?;
     tree.source.go_to(start)?;
     tree.topology(&mut |part| {
-        if let Part::Tile { origin, side, value, .. } = part {
+        if let Node::Tile { origin, side, value, .. } = part {
             dense.fill(origin, side, value);
         }
     })?;
@@ -118,7 +118,7 @@ fn volume<R: Read + Seek, const C: usize>(
 }
 
 /// How a grid is packed, and whether only its active values are stored.
-fn packing<R: Read + Seek>(source: &mut Source<R>, header: &Header) -> Result<(Compression, bool)> {
+fn packing<R: Read + Seek>(source: &mut ByteReader<R>, header: &Header) -> Result<(Compression, bool)> {
     if header.version < CODED_NODES {
         return Ok((header.compression, false));
     }

@@ -1,4 +1,4 @@
-//! Files of OpenVDB (`tests/fixtures/vdb`, made by `make.py` there) and our own, whole and damaged. `tests/vdb_peer.rs`
+//! Files of OpenVDB (`tests/fixtures/vdb`, made by `make.py` there) and our own, whole and damaged. `tests/suite/vdb_peer.rs`
 //! compares many more with OpenVDB itself.
 
 use std::io::Cursor;
@@ -8,10 +8,10 @@ use glam::{DAffine3, DQuat, DVec3};
 use half::f16;
 use proptest::prelude::*;
 
+use super::byte_reader::ByteReader;
+use super::byte_writer::ByteWriter;
 use super::dense::MAX_DENSE;
 use super::read::read_from;
-use super::sink::Sink;
-use super::source::Source;
 use super::write::write_to;
 use super::{Compression, WriteOptions, names, read};
 use crate::scene::{Samples, Volume, VoxelGrid};
@@ -25,12 +25,12 @@ fn fixture(name: &str) -> PathBuf {
 }
 
 fn read_bytes(bytes: &[u8], grid: Option<&str>) -> Result<Volume> {
-    read_from(Source::new(Cursor::new(bytes), Path::new("memory.vdb"))?, grid, MAX_DENSE)
+    read_from(ByteReader::new(Cursor::new(bytes), Path::new("memory.vdb"))?, grid, MAX_DENSE)
 }
 
 fn written(grids: &[(&str, &Volume)], options: WriteOptions) -> Vec<u8> {
     let mut file = Cursor::new(Vec::new());
-    write_to(Sink::new(&mut file, Path::new("memory.vdb")), grids, options).unwrap();
+    write_to(ByteWriter::new(&mut file, Path::new("memory.vdb")), grids, options).unwrap();
     file.into_inner()
 }
 

@@ -2,14 +2,14 @@ use std::io::{Read, Seek};
 
 use glam::{DAffine3, DVec3};
 
-use super::source::Source;
+use super::byte_reader::ByteReader;
 use crate::Result;
 
 /// The world from the index space. A linear map is stored as what it is made of; scales are followed by numbers that
 /// follow from them.
 ///
 /// Errors: [`Error::Format`](crate::Error::Format) for a map that is not linear.
-pub(super) fn read<R: Read + Seek>(source: &mut Source<R>) -> Result<DAffine3> {
+pub(super) fn read<R: Read + Seek>(source: &mut ByteReader<R>) -> Result<DAffine3> {
     let kind = source.text()?;
     match kind.as_str() {
         "AffineMap" | "UnitaryMap" => affine(source),
@@ -35,12 +35,12 @@ pub(super) fn read<R: Read + Seek>(source: &mut Source<R>) -> Result<DAffine3> {
 /// Voxel size, inverse, its square and its half.
 const OF_SCALE: u64 = 4 * 24;
 
-fn vector<R: Read + Seek>(source: &mut Source<R>) -> Result<DVec3> {
+fn vector<R: Read + Seek>(source: &mut ByteReader<R>) -> Result<DVec3> {
     Ok(DVec3::from_array(source.f64s()?))
 }
 
 /// A 4 × 4 matrix for row vectors: each row is where an axis goes, the last one where the origin goes.
-fn affine<R: Read + Seek>(source: &mut Source<R>) -> Result<DAffine3> {
+fn affine<R: Read + Seek>(source: &mut ByteReader<R>) -> Result<DAffine3> {
     let m: [f64; 16] = source.f64s()?;
     let [x, y, z, origin] = [0, 4, 8, 12].map(|row| DVec3::new(m[row], m[row + 1], m[row + 2]));
     let affine = [m[3], m[7], m[11], m[15] - 1.0].iter().all(|rest| rest.abs() < 1e-9);

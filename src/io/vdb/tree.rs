@@ -5,9 +5,9 @@
 use std::collections::HashSet;
 use std::io::{Read, Seek};
 
+use super::byte_reader::ByteReader;
 use super::header::CODED_NODES;
 use super::mask::{Mask, place_of};
-use super::source::Source;
 use super::values::Decoder;
 use crate::Result;
 
@@ -42,14 +42,14 @@ impl Level {
 }
 
 /// What a tree consists of. No two parts share a voxel.
-pub(super) enum Part<'m, const C: usize> {
+pub(super) enum Node<'m, const C: usize> {
     Tile { origin: [i64; 3], side: i64, value: [f32; C], active: bool },
     Leaf { origin: [i64; 3], active: &'m Mask },
 }
 
 /// Reads the tree of one grid of a file.
 pub(super) struct Tree<'s, 'p, R, const C: usize> {
-    pub(super) source: &'s mut Source<'p, R>,
+    pub(super) source: &'s mut ByteReader<'p, R>,
     pub(super) decoder: Decoder<C>,
     pub(super) version: u32,
 }
@@ -58,7 +58,7 @@ impl<R: Read + Seek, const C: usize> Tree<'_, '_, R, C> {
     /// Shows `see` every tile and every leaf, and learns the background.
     ///
     /// Errors: [`Error::Format`](crate::Error::Format).
-    pub(super) fn topology(&mut self, see: &mut dyn FnMut(Part<C>)) -> Result<()> {
+    pub(super) fn topology(&mut self, see: &mut dyn FnMut(Node<C>)) -> Result<()> {
         let buffers = self.source.u32()?;
         if buffers != 1 {
             return Err(self.source.broken(format!("its leaves have {buffers} values a voxel, not one")));
@@ -69,7 +69,7 @@ impl<R: Read + Seek, const C: usize> Tree<'_, '_, R, C> {
         for _ in 0..tiles {
             let origin = self.root_entry(&mut seen)?;
             let value = self.source.f32s()?;
-            see(Part::Tile { origin, side: ROOT_SIDE, value, active: self.source.u8()? != 0 });
+            see(Node::Tile { origin, side: ROOT_SIDE, value, active: self.source.u8()? != 0 });
         }
         for _ in 0..children {
             let origin = self.root_entry(&mut seen)?;
@@ -94,7 +94,7 @@ impl<R: Read + Seek, const C: usize> Tree<'_, '_, R, C> {
         &mut self,
         level: &'static Level,
         origin: [i64; 3],
-        see: &mut dyn FnMut(Part<C>),
+        see: &mut dyn FnMut(Node<C>),
     ) -> Result<()> {
         let children = Mask::read(self.source, level.slots())?;
         let active = Mask::read(self.source, level.slots())?;
@@ -108,13 +108,13 @@ impl<R: Read + Seek, const C: usize> Tree<'_, '_, R, C> {
         for slot in (0..level.slots()).filter(|&slot| !children.has(slot)) {
             let (origin, side) = (level.corner(origin, slot), 1 << level.voxels_log2);
             let value = values.next().unwrap_or(self.decoder.background);
-            see(Part::Tile { origin, side, value, active: active.has(slot) });
+            see(Node::Tile { origin, side, value, active: active.has(slot) });
         }
         for slot in children.slots() {
             let origin = level.corner(origin, slot);
             match level.below {
                 Some(below) => self.branch(below, origin, see)?,
-                None => see(Part::Leaf { origin, active: &Mask::read(self.source, LEAF)? }),
+                None => see(Node::Leaf { origin, active: &Mask::read(self.source, LEAF)? }),
             }
         }
         Ok(())

@@ -2,9 +2,9 @@ use std::io::{Read, Seek};
 
 use half::f16;
 
+use super::byte_reader::ByteReader;
 use super::mask::Mask;
 use super::packing::{Compression, Packer, Unpacker};
-use super::source::Source;
 use crate::Result;
 
 /// What the byte before the values of a node says of its inactive ones. Where the grid stores active values only,
@@ -43,7 +43,7 @@ impl<const C: usize> Decoder<C> {
     /// Errors: [`Error::Format`](crate::Error::Format).
     pub(super) fn node<R: Read + Seek>(
         &mut self,
-        source: &mut Source<R>,
+        source: &mut ByteReader<R>,
         active: &Mask,
     ) -> Result<Vec<[f32; C]>> {
         let code = source.u8()?;
@@ -77,7 +77,7 @@ impl<const C: usize> Decoder<C> {
     /// Errors: [`Error::Format`](crate::Error::Format).
     pub(super) fn plain<R: Read + Seek>(
         &mut self,
-        source: &mut Source<R>,
+        source: &mut ByteReader<R>,
         count: usize,
     ) -> Result<Vec<[f32; C]>> {
         if self.half && count == 0 {

@@ -3,9 +3,9 @@ use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 
+use super::byte_writer::ByteWriter;
 use super::header::{HALF, MAGIC, SAVED_AS_HALF, WRITTEN, entry, text};
 use super::packing::Compression;
-use super::sink::Sink;
 use super::sparse::{Piece, Sparse, active_voxels};
 use super::transform;
 use super::values::Encoder;
@@ -31,12 +31,12 @@ pub struct WriteOptions {
 /// Errors: [`Error::Value`] for no grids or names that are empty, longer than 1000 bytes, have control characters or
 /// are not distinct; [`Error::NonFinite`] for a number beyond half precision; [`Error::File`].
 pub fn write(path: &Path, grids: &[(&str, &Volume)], options: WriteOptions) -> Result<()> {
-    write_whole_seekable(path, |file| write_to(Sink::new(file, path), grids, options))
+    write_whole_seekable(path, |file| write_to(ByteWriter::new(file, path), grids, options))
 }
 
 /// [`write`] to anything that takes bytes.
 pub(super) fn write_to<W: Write + Seek>(
-    mut sink: Sink<W>,
+    mut sink: ByteWriter<W>,
     grids: &[(&str, &Volume)],
     options: WriteOptions,
 ) -> Result<()> {
@@ -83,7 +83,7 @@ fn check_names(grids: &[(&str, &Volume)]) -> Result<()> {
 }
 
 fn write_grid<W: Write + Seek, const C: usize>(
-    sink: &mut Sink<W>,
+    sink: &mut ByteWriter<W>,
     name: &str,
     volume: &Volume,
     options: WriteOptions,

@@ -10,89 +10,25 @@
 //!
 //! Numbers keep their values (bytes are 0 to 255), except for the bytes of a `.vol`, which stand for 0 to 1.
 
+mod file;
+mod format;
 mod npy;
 mod npz;
 mod raw;
-mod source;
 #[cfg(test)]
 mod tests;
 mod vol;
 
 use std::path::Path;
 
-use source::Source;
+use file::VolumeFile;
+
+pub use file::{MAX_VOXELS, Stored};
+pub use format::Format;
 
 use super::vdb;
 use crate::scene::Volume;
 use crate::{Error, Result};
-
-/// Voxels at most in a file: half a billion, 6 GiB in RGB.
-pub const MAX_VOXELS: usize = 1 << 29;
-
-/// A volume as a file holds it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Stored {
-    /// The values. Where the file does not say where they lie, they fill the cube from (0, 0, 0) to (1, 1, 1).
-    pub volume: Volume,
-    /// Whether the file says where they lie.
-    pub placed: bool,
-}
-
-/// The formats of volumes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Format {
-    /// A NumPy array of the shape (z, y, x) or (z, y, x, channel). It has no place in the world.
-    Npy,
-    /// NumPy arrays in a zip archive, beside the matrix `world_from_grid`.
-    Npz,
-    /// A grid volume of Mitsuba, version 3. Its place is a box along the axes.
-    Vol,
-    /// A JSON header, and beside it a file of nothing but numbers.
-    Raw,
-    /// OpenVDB.
-    Vdb,
-}
-
-impl Format {
-    /// All of them.
-    pub const ALL: [Self; 5] = [Self::Npy, Self::Npz, Self::Vol, Self::Raw, Self::Vdb];
-
-    /// How the names of such files end, without the dot.
-    pub fn extension(self) -> &'static str {
-        match self {
-            Self::Npy => "npy",
-            Self::Npz => "npz",
-            Self::Vol => "vol",
-            Self::Raw => "json",
-            Self::Vdb => "vdb",
-        }
-    }
-
-    /// What people call it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Npy => "NumPy",
-            Self::Npz => "NPZ",
-            Self::Vol => "Mitsuba volume",
-            Self::Raw => "raw volume",
-            Self::Vdb => "OpenVDB",
-        }
-    }
-
-    /// The format that the extension of a file stands for, in capitals or not.
-    ///
-    /// Errors: [`Error::Format`] naming the extensions there are.
-    pub fn of(path: &Path) -> Result<Self> {
-        let extension = path.extension().unwrap_or_default();
-        let is_named = |format: &Self| extension.eq_ignore_ascii_case(format.extension());
-        Self::ALL.into_iter().find(is_named).ok_or_else(|| Error::Format {
-            path: path.to_owned(),
-            format: "volume",
-            reason: "its name must end in .npy, .npz, .vol, .json (the header of a raw file) or .vdb"
-                .to_owned(),
-        })
-    }
-}
 
 /// Reads a volume in the format that its extension stands for.
 ///
@@ -106,7 +42,7 @@ pub fn read(path: &Path, member: Option<&str>) -> Result<Stored> {
     let format = Format::of(path)?;
     if let (Some(member), Format::Npy | Format::Vol | Format::Raw) = (member, format) {
         let reason = format!("it holds one volume without a name, so `{member}` cannot be chosen");
-        return Err(Source { path, format }.wrong(reason));
+        return Err(VolumeFile { path, format }.wrong(reason));
     }
     match format {
         Format::Npy => npy::read(path),
@@ -130,7 +66,7 @@ pub fn read(path: &Path, member: Option<&str>) -> Result<Stored> {
 pub fn write(path: &Path, name: &str, volume: &Volume, format: Format) -> Result<()> {
     if Format::of(path).ok() != Some(format) {
         let reason = format!("its name must end in .{}", format.extension());
-        return Err(Source { path, format }.wrong(reason));
+        return Err(VolumeFile { path, format }.wrong(reason));
     }
     let voxels = volume.grid().len();
     if voxels > MAX_VOXELS {

@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::source::Source;
+use super::file::VolumeFile;
 use super::{Format, Stored};
 use crate::io::npy::{self, Array};
 use crate::io::write_whole;
@@ -11,7 +11,7 @@ use crate::scene::{Samples, Volume};
 use crate::{Error, Result};
 
 pub(super) fn read(path: &Path) -> Result<Stored> {
-    let source = Source { path, format: Format::Npy };
+    let source = VolumeFile { path, format: Format::Npy };
     let (mut file, bytes) = source.open()?;
     let (size, channels, samples) = read_array(source, &mut file, bytes)?;
     source.volume(size, channels, samples, None)
@@ -19,7 +19,7 @@ pub(super) fn read(path: &Path) -> Result<Stored> {
 
 /// Size (x, y, z), channels and numbers of an array that is at most `bytes` long with its header.
 pub(super) fn read_array(
-    source: Source,
+    source: VolumeFile,
     file: &mut impl Read,
     bytes: u64,
 ) -> Result<([usize; 3], usize, Samples)> {

@@ -9,7 +9,7 @@ use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive};
 
-use super::source::Source;
+use super::file::VolumeFile;
 use super::{Format, Stored, npy};
 use crate::io::npy::{Archive, Array, write_archive, write_array, write_samples};
 use crate::io::numbers::{affine_of_rows, rows_of_affine};
@@ -21,7 +21,7 @@ use crate::{Error, Result};
 const PLACE: &str = "world_from_grid";
 
 pub(super) fn read(path: &Path, member: Option<&str>) -> Result<Stored> {
-    let source = Source { path, format: Format::Npz };
+    let source = VolumeFile { path, format: Format::Npz };
     let (file, bytes) = source.open()?;
     let archive = ZipArchive::new(file).map_err(|error| damaged(source, error))?;
     let mut arrays = Arrays { source, archive, bytes };
@@ -37,7 +37,7 @@ pub(super) fn read(path: &Path, member: Option<&str>) -> Result<Stored> {
 
 /// The arrays in an archive that is `bytes` long.
 struct Arrays<'p, R> {
-    source: Source<'p>,
+    source: VolumeFile<'p>,
     archive: ZipArchive<R>,
     bytes: u64,
 }
@@ -76,7 +76,7 @@ impl<R: Read + Seek> Arrays<'_, R> {
     }
 }
 
-fn choose(source: Source, names: &[(usize, String)], member: Option<&str>) -> Result<usize> {
+fn choose(source: VolumeFile, names: &[(usize, String)], member: Option<&str>) -> Result<usize> {
     let volumes = || names.iter().filter(|(_, name)| name != PLACE);
     let found = match member {
         Some(member) => {
@@ -111,7 +111,7 @@ fn list<'n>(names: impl Iterator<Item = &'n str> + Clone) -> String {
     }
 }
 
-fn read_place(source: Source, file: &mut impl Read, bytes: u64) -> Result<DAffine3> {
+fn read_place(source: VolumeFile, file: &mut impl Read, bytes: u64) -> Result<DAffine3> {
     let array = Array::read(file, bytes).map_err(|fault| source.faulty(fault))?;
     if array.shape != [4, 4] {
         let shape = array.shape;
@@ -123,7 +123,7 @@ fn read_place(source: Source, file: &mut impl Read, bytes: u64) -> Result<DAffin
 }
 
 /// An archive that cannot be understood.
-fn damaged(source: Source, error: ZipError) -> Error {
+fn damaged(source: VolumeFile, error: ZipError) -> Error {
     match error {
         ZipError::Io(failed) => source.stopped(failed),
         other => source.wrong(other.to_string()),

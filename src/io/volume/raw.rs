@@ -6,9 +6,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::source::Source;
+use super::file::VolumeFile;
 use super::{Format, Stored};
-use crate::io::numbers::{Encoding, Kind, affine_of_rows, rows_of_affine, write_samples};
+use crate::io::numbers::{Encoding, NumberType, affine_of_rows, rows_of_affine, write_samples};
 use crate::io::write_whole;
 use crate::scene::{Samples, Volume};
 use crate::{Error, Result};
@@ -53,16 +53,16 @@ enum ByteOrder {
 impl Header {
     fn encoding(&self) -> Encoding {
         let kind = match self.kind {
-            HeaderKind::F32 => Kind::F32,
-            HeaderKind::F16 => Kind::F16,
-            HeaderKind::U8 => Kind::U8,
+            HeaderKind::F32 => NumberType::F32,
+            HeaderKind::F16 => NumberType::F16,
+            HeaderKind::U8 => NumberType::U8,
         };
         Encoding { kind, big_endian: self.byte_order == ByteOrder::Big }
     }
 }
 
 pub(super) fn read(path: &Path) -> Result<Stored> {
-    let source = Source { path, format: Format::Raw };
+    let source = VolumeFile { path, format: Format::Raw };
     let header = read_header(source)?;
     if !is_plain_name(&header.data) {
         let reason = format!("`data` is {:?} and must be the name of a file beside it", header.data);
@@ -75,7 +75,7 @@ pub(super) fn read(path: &Path) -> Result<Stored> {
     source.volume(header.size, header.channels, samples, place)
 }
 
-fn read_header(source: Source) -> Result<Header> {
+fn read_header(source: VolumeFile) -> Result<Header> {
     let (file, bytes) = source.open()?;
     if bytes > MAX_HEADER_BYTES {
         return Err(source.wrong(format!("it has {bytes} bytes, and {MAX_HEADER_BYTES} are the most")));
@@ -92,7 +92,7 @@ fn is_plain_name(name: &str) -> bool {
 }
 
 fn read_data(path: &Path, encoding: Encoding, count: usize) -> Result<Samples> {
-    let source = Source { path, format: Format::Raw };
+    let source = VolumeFile { path, format: Format::Raw };
     let (mut file, bytes) = source.open()?;
     let needed = (count * encoding.width()) as u64;
     if bytes != needed {

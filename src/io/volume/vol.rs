@@ -17,9 +17,9 @@ use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 
-use super::source::Source;
+use super::file::VolumeFile;
 use super::{Format, Stored};
-use crate::io::numbers::{Encoding, Kind, write_singles};
+use crate::io::numbers::{Encoding, NumberType, write_singles};
 use crate::io::write_whole;
 use crate::scene::{Samples, Volume, VoxelGrid};
 use crate::{Error, Result};
@@ -29,7 +29,7 @@ const MAGIC: &[u8; 4] = b"VOL\x03";
 const F32: i32 = 1;
 
 pub(super) fn read(path: &Path) -> Result<Stored> {
-    let source = Source { path, format: Format::Vol };
+    let source = VolumeFile { path, format: Format::Vol };
     let (mut file, bytes) = source.open()?;
     let mut header = [0; HEADER_BYTES];
     file.read_exact(&mut header).map_err(|failed| source.stopped(failed))?;
@@ -43,7 +43,7 @@ pub(super) fn read(path: &Path) -> Result<Stored> {
     }
     let samples = header.encoding.read_samples(&mut file, count).map_err(|failed| source.stopped(failed))?;
     let samples = match samples {
-        Samples::F32(values) if header.encoding.kind == Kind::U8 => {
+        Samples::F32(values) if header.encoding.kind == NumberType::U8 => {
             Samples::F32(values.into_iter().map(|byte| byte / 255.0).collect())
         }
         samples => samples,
@@ -59,7 +59,7 @@ struct Header {
 }
 
 impl Header {
-    fn parse(source: Source, header: &[u8; HEADER_BYTES]) -> Result<Self> {
+    fn parse(source: VolumeFile, header: &[u8; HEADER_BYTES]) -> Result<Self> {
         let (words, _) = header.as_chunks::<4>();
         if words[0][..3] != MAGIC[..3] {
             return Err(source.wrong("its first bytes are not `VOL`"));
@@ -95,11 +95,11 @@ impl Header {
     }
 }
 
-fn encoding(source: Source, number: i32) -> Result<Encoding> {
+fn encoding(source: VolumeFile, number: i32) -> Result<Encoding> {
     let kind = match number {
-        F32 => Kind::F32,
-        2 => Kind::F16,
-        3 => Kind::U8,
+        F32 => NumberType::F32,
+        2 => NumberType::F16,
+        3 => NumberType::U8,
         4 => return Err(source.wrong("it holds directions (encoding 4) instead of values")),
         other => return Err(source.wrong(format!("its encoding is {other}, and there are 1 to 4"))),
     };

@@ -15,7 +15,7 @@ use crate::io::scene_file::AnimatedVolume;
 use crate::io::volume::Format;
 use crate::problem::{Desired, Determined, Occupied, Optics, Spread, VolumeProblem, VolumeState};
 use crate::report::{self, AnimationRecord, Change, KeyRecord, Report};
-use crate::scene::{Between, Find, Image, VolumeScene};
+use crate::scene::{Find, Image, KeySpan, VolumeScene};
 use crate::{Error, Result};
 
 /// Pictures in the strip of the report at most.
@@ -262,7 +262,7 @@ impl Film<'_> {
             return Ok(None);
         }
         let frames: Vec<usize> = self.keys.iter().map(|key| key.frame).collect();
-        let Between { keys, share } = Between::of(&frames, frame);
+        let KeySpan { keys, share } = KeySpan::of(&frames, frame);
         let [from, to] = keys.map(|key| &self.keys[key]);
         let mut state = from.state.blended(&to.state, share)?;
         if let Some(extinction) = self.animated.extinction(frame)? {

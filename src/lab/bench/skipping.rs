@@ -157,7 +157,7 @@ impl Comparison<'_> {
         };
         let without = SolveSettings { skip: without, ..with.clone() };
         let neighbours = [with.regularization.gradient, with.regularization.laplacian];
-        if !without.skip.unknowns && neighbours != [crate::scene::Weight::Relative(0.0); 2] {
+        if !without.skip.unknowns && neighbours != [crate::scene::RegularizationWeight::Relative(0.0); 2] {
             return Ok(None);
         }
         let reference = self.sample.reference(true)?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::cases::Between;
 use crate::io::scene_file;
 use crate::job::{Asked, Job, Quiet, Scenes, Steps, Stop};
-use crate::scene::{Basis, Find, Interpolation, SolveSettings, Weight};
+use crate::scene::{Basis, Find, Interpolation, RegularizationWeight, SolveSettings};
 use crate::{Error, Result};
 
 /// Where a scene comes from.
@@ -113,8 +113,8 @@ pub(super) fn problem(scenes: &Scenes) -> Result<Asked> {
     (*noise, *fill) = (None, false);
     for weight in [&mut regularization.tikhonov, &mut regularization.gradient, &mut regularization.laplacian]
     {
-        if !matches!(weight, Weight::Relative(_)) {
-            *weight = Weight::Relative(f64::powi(2.0, -9));
+        if !matches!(weight, RegularizationWeight::Relative(_)) {
+            *weight = RegularizationWeight::Relative(f64::powi(2.0, -9));
         }
     }
     Ok(asked)

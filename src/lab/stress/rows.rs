@@ -6,8 +6,8 @@ use glam::{DAffine3, DMat3, DVec2, DVec3};
 
 use crate::Result;
 use crate::march::{
-    Density, LightMapTransport, LightMapTraversal, Part, PixelRays, Quantity, Traversal, ViewRay,
-    VolumeTransport, VolumeTraversal, Weight,
+    Density, LightMapTransport, LightMapTraversal, PixelRays, Quantity, Traversal, ViewRay, VolumeTransport,
+    VolumeTraversal, VoxelElements, Weight,
 };
 use crate::scene::{
     Basis, Camera, Extent, FovAxis, Grid, Interpolation, Quadrature, Ray, Samples, Volume, VoxelGrid,
@@ -255,7 +255,7 @@ pub(super) fn volume_rows(
         transmittance_bound: NO_CUT,
         refraction: None,
     };
-    let part = Part::new(quantity, grid, Arc::new(VoxelSet::all(grid.size())), basis);
+    let part = VoxelElements::new(quantity, grid, Arc::new(VoxelSet::all(grid.size())), basis);
     Ok(VolumeTraversal::new(transport, rows_along(rays)?, vec![part]))
 }
 

@@ -6,7 +6,7 @@ use crate::Result;
 use crate::cpu::HostOperator;
 use crate::operator::{CpuVector, LinearOperator, TransportOperator, Vector, WalkPlan};
 use crate::problem::{Formulation, Lattice, Part, Solved, Start, minimize};
-use crate::scene::{Regularization, Rgb, SolveSettings, SolverName, Strategy, Weight};
+use crate::scene::{Regularization, RegularizationWeight, Rgb, SolveSettings, SolverName, Strategy};
 use crate::solve::{Control, StopReason};
 use crate::sparse::ExplicitMatrix;
 
@@ -62,7 +62,7 @@ impl Question {
 
     /// The same with another pull to the start.
     pub(super) fn pulled(mut self, weight: f64) -> Self {
-        let tikhonov = Weight::Relative(weight);
+        let tikhonov = RegularizationWeight::Relative(weight);
         self.settings.regularization = Regularization { tikhonov, ..Regularization::default() };
         self
     }

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use super::cells::{CellRay, Line};
 use super::light::Towards;
 use super::sink::merged;
-use super::window::{Nearest, Trilinear, Visit, Window};
+use super::window::{NearestVoxel, Trilinear, Visit, VoxelWindow};
 use super::{GAUSS_2, GAUSS_4, InScattering, MOST_PANELS, PANEL, PixelRays, VolumeTraversal};
 use crate::march::{Traversal, Weight};
 use crate::scene::{Interpolation, Rgb, Volume, VoxelGrid, VoxelSet};
 
 /// S, what a medium gives towards the eye per optical depth.
 #[derive(Debug, Clone)]
-pub enum Source {
+pub enum SourceFunction {
     /// The same radiance everywhere.
     Constant(Rgb),
     /// S = L_e + ρ L_scat: emission, albedo, and the light that is scattered once; none where it is dark.
@@ -42,7 +42,7 @@ pub enum Source {
 pub struct LinearizedTraversal {
     /// The rays through the medium; one part, extinction.
     medium: VolumeTraversal,
-    source: Source,
+    source: SourceFunction,
     /// Radiance behind the medium, a row each.
     behind: Arc<[Rgb]>,
     /// The channel that each row is of; empty where a row is of all, and each has an extinction of its own.
@@ -65,7 +65,7 @@ impl LinearizedTraversal {
     /// are empty, or say which channel each row is of.
     pub fn new(
         medium: VolumeTraversal,
-        source: Source,
+        source: SourceFunction,
         behind: impl Into<Arc<[Rgb]>>,
         channels: impl Into<Arc<[u8]>>,
     ) -> Self {
@@ -99,12 +99,12 @@ impl LinearizedTraversal {
     /// Radiance of a row as its weights see it.
     pub fn radiance<const C: usize>(&self, row: usize) -> Weight<f64, C> {
         match self.medium.transport().basis {
-            Interpolation::Nearest => self.radiance_with::<C, Nearest<C>>(row),
+            Interpolation::Nearest => self.radiance_with::<C, NearestVoxel<C>>(row),
             Interpolation::Trilinear => self.radiance_with::<C, Trilinear<C>>(row),
         }
     }
 
-    fn radiance_with<const C: usize, W: Window<C>>(&self, row: usize) -> Weight<f64, C> {
+    fn radiance_with<const C: usize, W: VoxelWindow<C>>(&self, row: usize) -> Weight<f64, C> {
         let mut sum = [0.0; C];
         let left = self.each_panel::<C, W>(row, |_, panel| {
             for (_, _, gives) in &panel.nodes {
@@ -115,7 +115,7 @@ impl LinearizedTraversal {
         std::array::from_fn(|c| sum[c] + left[c] * behind[c])
     }
 
-    fn weights<const C: usize, W: Window<C>>(&self, row: usize, visit: &mut Visit<C>) {
+    fn weights<const C: usize, W: VoxelWindow<C>>(&self, row: usize, visit: &mut Visit<C>) {
         let part = &self.medium.parts()[0];
         let mut beyond = self.radiance_with::<C, W>(row);
         let mut window = W::new(part.grid.size());
@@ -149,7 +149,7 @@ impl LinearizedTraversal {
     }
 
     /// Visits the panels of a row in order, with the ray in cells; returns what is left of light at its end.
-    fn each_panel<const C: usize, W: Window<C>>(
+    fn each_panel<const C: usize, W: VoxelWindow<C>>(
         &self,
         row: usize,
         mut visit: impl FnMut(&CellRay, &Panel<C>),
@@ -242,7 +242,7 @@ impl<const C: usize> Traversal<f64, C> for LinearizedTraversal {
             false => visit(voxel, weight),
         };
         match transport.basis {
-            Interpolation::Nearest => self.weights::<C, Nearest<C>>(row, &mut keep_or_visit),
+            Interpolation::Nearest => self.weights::<C, NearestVoxel<C>>(row, &mut keep_or_visit),
             Interpolation::Trilinear => self.weights::<C, Trilinear<C>>(row, &mut keep_or_visit),
         }
         merged(seen, &mut visit);
@@ -268,7 +268,7 @@ struct Property<'a> {
 
 impl<'a> Along<'a> {
     fn new(
-        source: &'a Source,
+        source: &'a SourceFunction,
         basis: Interpolation,
         medium: &VoxelGrid,
         line: &Line,
@@ -278,8 +278,8 @@ impl<'a> Along<'a> {
         let property =
             |volume: &'a Arc<Volume>| Property { volume, basis, ray: CellRay::new(line, volume.grid(), 0.0) };
         match source {
-            Source::Constant(radiance) => along.constant = radiance.map(f64::from),
-            Source::Medium { emission, albedo, light } => {
+            SourceFunction::Constant(radiance) => along.constant = radiance.map(f64::from),
+            SourceFunction::Medium { emission, albedo, light } => {
                 if emission.range() != [0.0; 2] {
                     along.emission = Some(property(emission));
                 }

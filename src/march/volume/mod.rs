@@ -13,15 +13,15 @@ use std::sync::Arc;
 
 pub use density::Density;
 pub use light::{InScattering, LitVolume};
-pub use linearized::{LinearizedTraversal, Source};
+pub use linearized::{LinearizedTraversal, SourceFunction};
 pub use path::{PixelRays, Refraction};
 
 use super::{Traversal, Weight, exponential};
 use crate::scene::{Interpolation, Quadrature, Volume, VoxelGrid, VoxelSet};
 pub(crate) use cells::{CellRay, Line};
 use density::Depth;
-use sink::{Lit, Scattered, Sink, merged};
-use window::{Nearest, Trilinear, Visit, Window};
+use sink::{LitSink, ScatteredSink, Sink, merged};
+use window::{NearestVoxel, Trilinear, Visit, VoxelWindow};
 
 /// What a weight is the weight of.
 #[derive(Debug, Clone)]
@@ -39,7 +39,7 @@ pub enum Quantity {
 
 /// Unknowns of one quantity: some voxels of a grid.
 #[derive(Debug, Clone)]
-pub struct Part {
+pub struct VoxelElements {
     /// What they are.
     pub quantity: Quantity,
     /// Where the voxels lie.
@@ -54,7 +54,7 @@ pub struct Part {
     uniform: Option<[f64; 3]>,
 }
 
-impl Part {
+impl VoxelElements {
     /// Elements are the voxels of a set.
     pub fn new(quantity: Quantity, grid: VoxelGrid, voxels: Arc<VoxelSet>, basis: Interpolation) -> Self {
         debug_assert_eq!(grid.size(), voxels.size());
@@ -116,7 +116,7 @@ pub struct VolumeTransport {
 pub struct VolumeTraversal {
     transport: VolumeTransport,
     rays: PixelRays,
-    parts: Vec<Part>,
+    parts: Vec<VoxelElements>,
 }
 
 /// Nodes and weights of Gauss and Legendre on [0, 1] with four points: exact for polynomials of degree 7.
@@ -137,7 +137,7 @@ const OPAQUE: f64 = 40.0;
 
 impl VolumeTraversal {
     /// The rows of `rays` over the elements of `parts`.
-    pub fn new(transport: VolumeTransport, rays: PixelRays, parts: Vec<Part>) -> Self {
+    pub fn new(transport: VolumeTransport, rays: PixelRays, parts: Vec<VoxelElements>) -> Self {
         Self { transport, rays, parts }
     }
 
@@ -152,12 +152,12 @@ impl VolumeTraversal {
     }
 
     /// The quantities that are looked for.
-    pub fn parts(&self) -> &[Part] {
+    pub fn parts(&self) -> &[VoxelElements] {
         &self.parts
     }
 
     /// The same rows over other elements.
-    pub fn over(&self, parts: Vec<Part>) -> Self {
+    pub fn over(&self, parts: Vec<VoxelElements>) -> Self {
         Self { parts, ..self.clone() }
     }
 
@@ -226,7 +226,12 @@ impl VolumeTraversal {
     /// Visits the voxels of a part's grid, elements or not, that a row sees; returns what is left of light at the row's end, to
     /// the transmittance bound (of extinction, which knows none, 1).
     #[inline]
-    pub fn trace<const C: usize>(&self, row: usize, part: &Part, visit: &mut Visit<C>) -> Weight<f64, C> {
+    pub fn trace<const C: usize>(
+        &self,
+        row: usize,
+        part: &VoxelElements,
+        visit: &mut Visit<C>,
+    ) -> Weight<f64, C> {
         // A bent ray may come back to a voxel; and so do channels that are sampled at places of their own.
         let comes_back = self.transport.refraction.is_some()
             || matches!(part.quantity, Quantity::InScattered(_)) && !self.transport.density.is_grey();
@@ -240,18 +245,23 @@ impl VolumeTraversal {
     }
 
     #[inline]
-    fn trace_in<const C: usize>(&self, row: usize, part: &Part, visit: &mut Visit<C>) -> Weight<f64, C> {
+    fn trace_in<const C: usize>(
+        &self,
+        row: usize,
+        part: &VoxelElements,
+        visit: &mut Visit<C>,
+    ) -> Weight<f64, C> {
         match self.transport.basis {
-            Interpolation::Nearest => self.trace_with::<C, Nearest<C>>(row, part, visit),
+            Interpolation::Nearest => self.trace_with::<C, NearestVoxel<C>>(row, part, visit),
             Interpolation::Trilinear => self.trace_with::<C, Trilinear<C>>(row, part, visit),
         }
     }
 
     #[inline]
-    fn trace_with<const C: usize, W: Window<C>>(
+    fn trace_with<const C: usize, W: VoxelWindow<C>>(
         &self,
         row: usize,
-        part: &Part,
+        part: &VoxelElements,
         visit: &mut Visit<C>,
     ) -> Weight<f64, C> {
         let mut strength = [1.0; C];
@@ -260,7 +270,7 @@ impl VolumeTraversal {
             // An albedo that is the same everywhere cuts no pieces.
             let grid = if part.uniform.is_some() { self.transport.density.grid() } else { albedo.grid() };
             self.each_line(row, |line, a, b| {
-                let sink = Scattered {
+                let sink = ScatteredSink {
                     albedo,
                     uniform: part.uniform,
                     basis: self.transport.basis,
@@ -291,7 +301,7 @@ impl VolumeTraversal {
                 Quantity::Albedo(light) => Some(light.along(line)),
                 _ => None,
             };
-            let sink = Lit { light: light.as_deref(), window: &mut window, visit };
+            let sink = LitSink { light: light.as_deref(), window: &mut window, visit };
             self.attenuated::<C, W>((line, [a, b]), &part.grid, &mut strength, sink)
         });
         window.finish(visit);
@@ -300,7 +310,7 @@ impl VolumeTraversal {
 
     /// Takes the samples of what is emitted or scattered along a line, in the cells of `grid`; whether the ray goes on.
     #[inline(always)]
-    fn attenuated<const C: usize, W: Window<C>>(
+    fn attenuated<const C: usize, W: VoxelWindow<C>>(
         &self,
         stretch: (&Line, [f64; 2]),
         grid: &VoxelGrid,
@@ -316,7 +326,7 @@ impl VolumeTraversal {
 
     /// Exact for emission; for what is scattered where light is linear along each piece in a cell, or cubic in trilinear cells.
     #[inline(always)]
-    fn integrate<const C: usize, W: Window<C>>(
+    fn integrate<const C: usize, W: VoxelWindow<C>>(
         &self,
         (line, [a, b]): (&Line, [f64; 2]),
         grid: &VoxelGrid,
@@ -376,7 +386,7 @@ impl VolumeTraversal {
 
     /// The papers' march: equal steps from where the ray meets the medium, each worth its midpoint (Klehm 2015, listing 7.1,
     /// with the sign and the step length that it leaves out).
-    fn march<const C: usize, W: Window<C>>(
+    fn march<const C: usize, W: VoxelWindow<C>>(
         &self,
         (line, [a, b]): (&Line, [f64; 2]),
         steps: u32,
@@ -458,10 +468,10 @@ fn each_step(
 }
 
 /// The same as [`lengths`] in equal steps.
-fn march_lengths<const C: usize, W: Window<C>>(
+fn march_lengths<const C: usize, W: VoxelWindow<C>>(
     (line, ends): (&Line, [f64; 2]),
     steps: u32,
-    part: &Part,
+    part: &VoxelElements,
     window: &mut W,
     visit: &mut Visit<C>,
 ) {
@@ -479,9 +489,9 @@ fn march_lengths<const C: usize, W: Window<C>>(
 
 /// Adds the lengths of a line inside the basis functions of extinction.
 #[inline(always)]
-fn lengths<const C: usize, W: Window<C>>(
+fn lengths<const C: usize, W: VoxelWindow<C>>(
     (line, [a, b]): (&Line, [f64; 2]),
-    part: &Part,
+    part: &VoxelElements,
     window: &mut W,
     visit: &mut Visit<C>,
 ) {

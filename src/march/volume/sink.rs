@@ -4,7 +4,7 @@ use super::super::Weight;
 use super::super::basis::{add, times};
 use super::cells::CellRay;
 use super::light::Towards;
-use super::window::{Trilinear, Visit, Window};
+use super::window::{Trilinear, Visit, VoxelWindow};
 use crate::scene::{Interpolation, Volume};
 
 /// Takes the samples of a ray in order.
@@ -18,13 +18,13 @@ pub(super) trait Sink<const C: usize> {
 }
 
 /// The elements of a basis, lit or not.
-pub(super) struct Lit<'a, 'v, const C: usize, W> {
+pub(super) struct LitSink<'a, 'v, const C: usize, W> {
     pub(super) light: Option<&'a [Towards<'a>]>,
     pub(super) window: &'a mut W,
     pub(super) visit: &'a mut Visit<'v, C>,
 }
 
-impl<const C: usize, W: Window<C>> Sink<C> for Lit<'_, '_, C, W> {
+impl<const C: usize, W: VoxelWindow<C>> Sink<C> for LitSink<'_, '_, C, W> {
     #[inline(always)]
     fn piece(&mut self, cell: [usize; 3], place: impl Fn(usize) -> f64, weight: Weight<f64, C>) {
         let weight = match self.light {
@@ -54,7 +54,7 @@ impl<const C: usize, W: Window<C>> Sink<C> for Lit<'_, '_, C, W> {
 }
 
 /// The voxels of a cached light, trilinear between their centres, that an albedo scatters.
-pub(super) struct Scattered<'a, 'v, const C: usize> {
+pub(super) struct ScatteredSink<'a, 'v, const C: usize> {
     /// The albedo, its value where that is the same everywhere, and what lies between its values.
     pub(super) albedo: &'a Volume,
     pub(super) uniform: Option<[f64; 3]>,
@@ -70,7 +70,7 @@ pub(super) struct Scattered<'a, 'v, const C: usize> {
     pub(super) visit: &'a mut Visit<'v, C>,
 }
 
-impl<const C: usize> Scattered<'_, '_, C> {
+impl<const C: usize> ScatteredSink<'_, '_, C> {
     #[inline(always)]
     fn sample(&mut self, t: f64, weight: Weight<f64, C>) {
         let at = self.in_light.at(t);
@@ -89,7 +89,7 @@ impl<const C: usize> Scattered<'_, '_, C> {
     }
 }
 
-impl<const C: usize> Sink<C> for Scattered<'_, '_, C> {
+impl<const C: usize> Sink<C> for ScatteredSink<'_, '_, C> {
     #[inline(always)]
     fn piece(&mut self, cell: [usize; 3], place: impl Fn(usize) -> f64, weight: Weight<f64, C>) {
         let weight = times(weight, self.albedo_of(cell));

@@ -9,7 +9,7 @@ pub(super) type Visit<'a, const C: usize> = dyn FnMut([usize; 3], Weight<f64, C>
 /// A basis that takes samples of a ray in order and visits each voxel once, when the ray has left it.
 ///
 /// The support of every basis function is convex, so a straight ray is inside it without interruption.
-pub(super) trait Window<const C: usize> {
+pub(super) trait VoxelWindow<const C: usize> {
     /// How far cells are shifted against voxels, and how many more there are a side.
     const SHIFT: f64;
     /// Cells beyond the number of voxels.
@@ -27,12 +27,12 @@ pub(super) trait Window<const C: usize> {
 }
 
 /// Constant in each voxel.
-pub(super) struct Nearest<const C: usize> {
+pub(super) struct NearestVoxel<const C: usize> {
     voxel: [usize; 3],
     weight: Weight<f64, C>,
 }
 
-impl<const C: usize> Window<C> for Nearest<C> {
+impl<const C: usize> VoxelWindow<C> for NearestVoxel<C> {
     const SHIFT: f64 = 0.0;
     const EXTRA: usize = 0;
     const CONSTANT: bool = true;
@@ -108,7 +108,7 @@ impl<const C: usize> Trilinear<C> {
     }
 }
 
-impl<const C: usize> Window<C> for Trilinear<C> {
+impl<const C: usize> VoxelWindow<C> for Trilinear<C> {
     const SHIFT: f64 = 0.5;
     const EXTRA: usize = 1;
     const CONSTANT: bool = false;

@@ -1,7 +1,7 @@
 //! What the pictures of a volume should show, pixel by pixel.
 
 use crate::problem::paint;
-use crate::scene::{Image, Rgb, Target, VolumeScene};
+use crate::scene::{Image, Rgb, Target, VolumeScene, luminance};
 use crate::{Error, Result};
 
 /// What a view should show.
@@ -58,7 +58,7 @@ impl Desired {
             if weight > 0.0 {
                 let light = match scene.target {
                     Target::Radiance => 1.0,
-                    Target::Tint => super::luminance(*seen),
+                    Target::Tint => luminance(*seen),
                 };
                 *pixel = [r * light, g * light, b * light, weight];
             }

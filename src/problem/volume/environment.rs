@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::Optics;
 use super::optics::{Behind, check_phase, scattered, sky_grid};
 use crate::cpu::{Beam, Dense, light_columns, near_medium};
-use crate::march::{Part, Quantity, Traversal, VolumeTraversal, Weight, channel};
+use crate::march::{Quantity, Traversal, VolumeTraversal, VoxelElements, Weight, channel};
 use crate::operator::{CpuVector, LinearOperator};
 use crate::scene::{LightBasis, Rgb, VolumeMedium, VolumeScene};
 use crate::{Error, Result};
@@ -27,7 +27,7 @@ pub enum LightColumns {
 
 impl LightColumns {
     /// Walks one ray through the medium for every voxel of a part and direction of a light.
-    pub(super) fn new(scene: &VolumeScene, optics: &Optics, part: &Part) -> Result<Self> {
+    pub(super) fn new(scene: &VolumeScene, optics: &Optics, part: &VoxelElements) -> Result<Self> {
         let basis = &scene.light_basis;
         let beams = |light: usize| -> Vec<Beam> {
             let directions = basis.directions(light).into_iter();
@@ -255,12 +255,16 @@ fn add<const C: usize, const D: usize>(
 /// The voxels of the cached light, where the medium is, as G's elements.
 ///
 /// Errors: [`Error::Value`] for scattering that depends on the direction.
-pub(super) fn lit_voxels(scene: &VolumeScene, medium: &VolumeMedium, optics: &Optics) -> Result<Part> {
+pub(super) fn lit_voxels(
+    scene: &VolumeScene,
+    medium: &VolumeMedium,
+    optics: &Optics,
+) -> Result<VoxelElements> {
     check_phase(medium)?;
     let grid = sky_grid(scene, &optics.density)?;
     let voxels = near_medium(&optics.density, &grid);
     let quantity = Quantity::InScattered(medium.albedo.clone());
-    Ok(Part::new(quantity, grid, Arc::new(voxels), medium.interpolation))
+    Ok(VoxelElements::new(quantity, grid, Arc::new(voxels), medium.interpolation))
 }
 
 /// Bytes that lighting the voxels of a medium by each light takes; nothing is lit for it.

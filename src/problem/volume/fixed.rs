@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use super::extinction::log_row;
 use super::renderer::carried;
-use super::{Desired, Optics, SeenLights, luminance};
+use super::{Desired, Optics, SeenLights};
 use crate::cpu::near_medium;
-use crate::march::{Part, Quantity, VolumeTraversal};
-use crate::scene::{Find, Rgb, Volume, VolumeMedium, VolumeScene, VoxelSet};
+use crate::march::{Quantity, VolumeTraversal, VoxelElements};
+use crate::scene::{Find, Rgb, Volume, VolumeMedium, VolumeScene, VoxelSet, luminance};
 
 /// What one wanted pixel becomes.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Row {
+pub(super) enum PixelRow {
     Kept { target: Rgb, weight: Rgb, shown: Rgb },
     Beside,
     NoLogarithm,
@@ -23,7 +23,7 @@ pub(super) struct Fixed<'a> {
     optics: &'a Optics,
     find: Find,
     /// The quantities that are known, with their values; and of those looked for, what lies outside the elements.
-    known: Vec<(Part, Arc<Volume>, Option<Arc<VoxelSet>>)>,
+    known: Vec<(VoxelElements, Arc<Volume>, Option<Arc<VoxelSet>>)>,
     /// The brightest background, in whose unit noise is measured.
     scale: f64,
 }
@@ -33,7 +33,7 @@ impl<'a> Fixed<'a> {
         scene: &'a VolumeScene,
         medium: &'a VolumeMedium,
         optics: &'a Optics,
-        (parts, outside_hull): (&[Part], usize),
+        (parts, outside_hull): (&[VoxelElements], usize),
         find: Find,
     ) -> Self {
         let mut known = Vec::new();
@@ -50,7 +50,8 @@ impl<'a> Fixed<'a> {
             if elements.is_some() && outside_hull == 0 {
                 return;
             }
-            let part = Part::new(quantity, *volume.grid(), Arc::new(all), optics.density.interpolation());
+            let part =
+                VoxelElements::new(quantity, *volume.grid(), Arc::new(all), optics.density.interpolation());
             known.push((part, volume.clone(), elements));
         };
         if find == Find::Extinction {
@@ -88,11 +89,11 @@ impl<'a> Fixed<'a> {
         seen: Option<&SeenLights>,
         row: usize,
         [r, g, b, weight]: [f32; 4],
-    ) -> Row {
+    ) -> PixelRow {
         let wanted = [r, g, b];
         let sees_lights = || seen.is_some_and(|seen| seen.sees(row));
         if !traversal.meets_elements(row) && !sees_lights() {
-            return Row::Beside;
+            return PixelRow::Beside;
         }
         let behind = match self.find {
             Find::Environment => self.optics.known_background(self.scene, traversal.rays(), row),
@@ -102,11 +103,11 @@ impl<'a> Fixed<'a> {
             let settings = &self.scene.extinction;
             let medium = settings.medium_radiance;
             let Some(log) = log_row(wanted, behind, medium, weight, self.scale, settings.is_grey) else {
-                return Row::NoLogarithm;
+                return PixelRow::NoLogarithm;
             };
             let fixed = self.known(traversal, row);
             let target = std::array::from_fn(|c| (f64::from(log.depth[c]) - fixed[c]) as f32);
-            return Row::Kept { target, weight: log.weight, shown: log.depth };
+            return PixelRow::Kept { target, weight: log.weight, shown: log.depth };
         }
         let mut fixed = self.known(traversal, row);
         if luminance(behind) > 0.0 {
@@ -114,7 +115,7 @@ impl<'a> Fixed<'a> {
             (0..3).for_each(|c| fixed[c] += transmittance[c] * f64::from(behind[c]));
         }
         let target = std::array::from_fn(|c| (f64::from(wanted[c]) - fixed[c]) as f32);
-        Row::Kept { target, weight: [weight; 3], shown: wanted }
+        PixelRow::Kept { target, weight: [weight; 3], shown: wanted }
     }
 }
 

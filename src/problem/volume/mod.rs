@@ -23,5 +23,3 @@ pub use problem::{AllVoxels, LeftOut, VolumeProblem};
 pub use renderer::{Model, VolumeRenderer};
 pub use rows::VolumeRows;
 pub use state::VolumeState;
-
-use super::luminance;

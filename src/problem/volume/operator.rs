@@ -1,22 +1,24 @@
 use std::sync::Arc;
 
-use super::environment::{LightColumns, LitRows, SeenLights};
 #[cfg(feature = "gpu")]
-use super::{VolumeProblem, VolumeRows};
+use super::VolumeRows;
+use super::environment::{LightColumns, LitRows, SeenLights};
 #[cfg(feature = "gpu")]
 use crate::Error;
 use crate::Result;
 use crate::cpu::HostOperator;
 #[cfg(feature = "gpu")]
+use crate::cpu::kept_bytes;
+#[cfg(feature = "gpu")]
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
 use crate::march::VolumeTraversal;
+#[cfg(feature = "gpu")]
+use crate::operator::RowTable;
 use crate::operator::{
     Composed, CpuVector, LinearOperator, Metric, Storage, Sum, Tiling, TransportOperator, WalkPlan,
 };
 #[cfg(feature = "gpu")]
-use crate::operator::{HostRows, RowTable};
-#[cfg(feature = "gpu")]
-use crate::problem::Problem;
+use crate::problem::looked_for;
 use crate::scene::Strategy;
 
 /// `T` of lights on the processor, as light volumes: what an application takes hardly depends on the number of lights.
@@ -59,30 +61,25 @@ fn product(rows: &LitRows, is_grey: bool, strategy: Strategy, budget: u64) -> Re
 /// rays that no kernel walks.
 #[cfg(feature = "gpu")]
 pub(super) fn on_gpu(
-    problem: &VolumeProblem,
+    rows: &VolumeRows,
+    (grey, plan): (bool, &WalkPlan),
     gpu: &Gpu,
     (strategy, budget): (Strategy, u64),
     deterministic: bool,
 ) -> Result<GpuOperator> {
-    let (grey, plan) = (problem.is_grey(), problem.plan());
-    let on_host = |strategy| -> Result<Box<dyn HostRows>> {
-        let rows = problem.traversal.clone();
-        Ok(Box::new(HostOperator::<_, f32>::new(rows, grey, plan, strategy, u64::MAX)?))
-    };
     let otherwise = || -> Result<Box<dyn DeviceOperator>> {
-        match &problem.traversal {
+        match rows {
             VolumeRows::Voxels(rows) => Ok(Box::new(Walked::volume(gpu, rows, !grey, deterministic)?)),
             VolumeRows::Linearized(_) => Err(Error::TooLarge {
                 what: "the rows of a refinement, which an adapter only keeps".to_owned(),
-                needed: format!("{} bytes", problem.kept_bytes()),
+                needed: format!("{} bytes", kept_bytes::<f32>(plan, if grey { 1 } else { 3 })),
                 limit: format!("{budget} bytes"),
                 remedy: "raise solve.memory, lower the views' sizes or volume.size, or compute on the processor",
             }),
             VolumeRows::Lights(rows) => Ok(Box::new(light_volumes_on(gpu, rows, grey, budget)?)),
         }
     };
-    let channels = if grey { 1 } else { 3 };
-    GpuOperator::new(gpu, (plan, channels), (strategy, budget), &on_host, &otherwise)
+    looked_for::on_gpu(rows, (grey, plan), gpu, (strategy, budget), &otherwise)
 }
 
 /// G V + D of lights on an adapter, each factor kept there.

@@ -3,20 +3,22 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::environment::check_light;
-use super::fixed::{Fixed, Row, wanted_pixels};
+use super::fixed::{Fixed, PixelRow, wanted_pixels};
 use super::operator::LightVolumes;
 #[cfg(feature = "gpu")]
 use super::operator::on_gpu;
 use super::optics::open_rays;
 use super::renderer::is_grey;
-use super::searched::{Kind, Searched};
+use super::searched::{ElementKind, Searched};
 use super::{Desired, LightColumns, LitRows, Model, Optics, SeenLights, VolumeRows, VolumeState};
 #[cfg(feature = "gpu")]
 use crate::gpu::{Gpu, GpuOperator};
-use crate::march::{Part, Quantity, Refraction, Traversal, VolumeTransport, VolumeTraversal, Weight};
+use crate::march::{
+    Quantity, Refraction, Traversal, VolumeTransport, VolumeTraversal, VoxelElements, Weight,
+};
 use crate::operator::{CpuVector, OnHost, WalkPlan};
 use crate::problem::looked_for::{explicit, on_host, row_of};
-use crate::problem::{Formulation, Lattice, Part as ElementPart, Problem, Start, Unskipped, evenly};
+use crate::problem::{Formulation, Lattice, Part, Problem, Start, Unskipped, evenly};
 use crate::scene::{
     Environment, Find, MetricName, Quadrature, Rgb, SolveSettings, Strategy, Volume, VolumeMedium,
     VolumeScene, VoxelSet,
@@ -59,7 +61,7 @@ pub struct VolumeProblem {
     wanted: [f64; 3],
     /// The place of each element among those of its kind.
     places: Vec<u32>,
-    kinds: Vec<Kind>,
+    kinds: Vec<ElementKind>,
     grey: bool,
 }
 
@@ -86,19 +88,20 @@ impl VolumeProblem {
         let all = VolumeTraversal::new(optics.transport(scene, medium), rays, searched.parts.clone());
         let seen = (find == Find::Environment).then(|| SeenLights::new(scene, optics, &all));
         let fixed = Fixed::new(scene, medium, optics, (&searched.parts, searched.outside_hull), find);
-        let rows: Vec<Row> = (0..pixels.len())
+        let rows: Vec<PixelRow> = (0..pixels.len())
             .into_par_iter()
             .map(|row| {
                 let [view, pixel] = pixels[row];
                 fixed.row(&all, seen.as_ref(), row, desired[view as usize].pixels[pixel as usize])
             })
             .collect();
-        let kept: Vec<usize> = (0..rows.len()).filter(|&row| matches!(rows[row], Row::Kept { .. })).collect();
-        let count = |kind: fn(&Row) -> bool| rows.iter().filter(|row| kind(row)).count();
+        let kept: Vec<usize> =
+            (0..rows.len()).filter(|&row| matches!(rows[row], PixelRow::Kept { .. })).collect();
+        let count = |kind: fn(&PixelRow) -> bool| rows.iter().filter(|row| kind(row)).count();
         let left_out = LeftOut {
             unwanted,
-            beside: count(|row| matches!(row, Row::Beside)),
-            without_logarithm: count(|row| matches!(row, Row::NoLogarithm)),
+            beside: count(|row| matches!(row, PixelRow::Beside)),
+            without_logarithm: count(|row| matches!(row, PixelRow::NoLogarithm)),
         };
         if kept.is_empty() {
             return Err(nothing_to_solve(find, &left_out));
@@ -106,7 +109,7 @@ impl VolumeProblem {
         let (mut targets, mut weights, mut wanted) =
             (Vec::with_capacity(kept.len()), Vec::with_capacity(kept.len()), [0.0; 3]);
         for &row in &kept {
-            if let Row::Kept { target, weight, shown } = rows[row] {
+            if let PixelRow::Kept { target, weight, shown } = rows[row] {
                 targets.push(target);
                 weights.push(weight);
                 (0..3).for_each(|c| wanted[c] += f64::from(weight[c]) * f64::from(shown[c]).powi(2));
@@ -222,7 +225,7 @@ impl VolumeProblem {
         if let VolumeRows::Lights(_) = self.traversal {
             return self.start.clone();
         }
-        let colors = |part: &Part| {
+        let colors = |part: &VoxelElements| {
             let volume = property(medium, &part.quantity);
             (0..volume.grid().len()).map(|index| volume.color(index)).collect::<Vec<Rgb>>()
         };
@@ -290,13 +293,13 @@ impl Problem for VolumeProblem {
 
     fn formulation(&self, _settings: &SolveSettings) -> Result<Formulation<'_>> {
         let mut first = 0;
-        let part = |kind: &'_ Kind| {
+        let part = |kind: &'_ ElementKind| {
             let elements = first..first + kind.len;
             first = elements.end;
             elements
         };
         let ranges: Vec<_> = self.kinds.iter().map(part).collect();
-        let parts = self.kinds.iter().zip(ranges).map(|(kind, elements)| ElementPart {
+        let parts = self.kinds.iter().zip(ranges).map(|(kind, elements)| Part {
             noun: kind.noun,
             start: Start::Each(&self.start[elements.clone()]),
             bounds: kind.bounds,
@@ -395,7 +398,7 @@ impl Problem for VolumeProblem {
 
     #[cfg(feature = "gpu")]
     fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, budget: u64, deterministic: bool) -> Result<GpuOperator> {
-        on_gpu(self, gpu, (strategy, budget), deterministic)
+        on_gpu(&self.traversal, (self.grey, &self.plan), gpu, (strategy, budget), deterministic)
     }
 
     fn explicit(&self, most: u64) -> Result<ExplicitMatrix> {

@@ -8,7 +8,7 @@ use super::problem::nothing_to_solve;
 use super::searched::Searched;
 use super::{Desired, LeftOut, Model, Optics, VolumeProblem, VolumeRenderer, VolumeRows};
 use crate::Result;
-use crate::march::{LinearizedTraversal, Source, Traversal, VolumeTraversal, channel};
+use crate::march::{LinearizedTraversal, SourceFunction, Traversal, VolumeTraversal, channel};
 use crate::scene::{Find, Rgb, VolumeMedium, VolumeScene};
 
 impl VolumeProblem {
@@ -46,8 +46,8 @@ impl VolumeProblem {
             .collect();
         let model = Self::model(scene, Find::Refinement);
         let source = match model {
-            Model::Constant(radiance) => Source::Constant(radiance),
-            Model::SingleScattering => Source::Medium {
+            Model::Constant(radiance) => SourceFunction::Constant(radiance),
+            Model::SingleScattering => SourceFunction::Medium {
                 emission: medium.emission.clone(),
                 albedo: medium.albedo.clone(),
                 light: optics.light.clone(),

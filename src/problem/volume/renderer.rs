@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use super::optics::{Optics, open_rays};
 use crate::Result;
 use crate::cpu::near_medium;
-use crate::march::{Part, PixelRays, Quantity, VolumeTraversal, channel};
+use crate::march::{PixelRays, Quantity, VolumeTraversal, VoxelElements, channel};
 use crate::scene::{Camera, Image, Rgb, Volume, VolumeMedium, VolumeScene};
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ pub struct VolumeRenderer<'a> {
     optics: &'a Optics,
     model: Model,
     /// Emission and albedo with the rows that carry them; none where there is nothing of it.
-    carried: Vec<(Part, Arc<Volume>)>,
+    carried: Vec<(VoxelElements, Arc<Volume>)>,
 }
 
 impl<'a> VolumeRenderer<'a> {
@@ -34,7 +34,10 @@ impl<'a> VolumeRenderer<'a> {
         if model == Model::SingleScattering {
             let part = |quantity, volume: &Arc<Volume>| {
                 let voxels = near_medium(&optics.density, volume.grid());
-                (Part::new(quantity, *volume.grid(), Arc::new(voxels), medium.interpolation), volume.clone())
+                (
+                    VoxelElements::new(quantity, *volume.grid(), Arc::new(voxels), medium.interpolation),
+                    volume.clone(),
+                )
             };
             if medium.emission.range() != [0.0; 2] {
                 carried.push(part(Quantity::Emission, &medium.emission));
@@ -105,13 +108,13 @@ impl<'a> VolumeRenderer<'a> {
 pub(super) fn carried(
     traversal: &VolumeTraversal,
     row: usize,
-    part: &Part,
+    part: &VoxelElements,
     value: &dyn Fn([usize; 3]) -> Rgb,
 ) -> ([f64; 3], [f64; 3]) {
     fn sum<const C: usize>(
         traversal: &VolumeTraversal,
         row: usize,
-        part: &Part,
+        part: &VoxelElements,
         value: &dyn Fn([usize; 3]) -> Rgb,
     ) -> ([f64; 3], [f64; 3]) {
         let mut sum = [0.0; 3];
@@ -129,7 +132,7 @@ pub(super) fn carried(
 }
 
 /// Whether one weight serves all channels of a part.
-pub(super) fn is_grey(traversal: &VolumeTraversal, part: &Part) -> bool {
+pub(super) fn is_grey(traversal: &VolumeTraversal, part: &VoxelElements) -> bool {
     match &part.quantity {
         Quantity::Extinction => true,
         Quantity::Emission => traversal.transport().density.is_grey(),

@@ -6,24 +6,24 @@ use super::Optics;
 use super::environment::lit_voxels;
 use super::hull::visual_hull;
 use crate::cpu::near_medium;
-use crate::march::{Density, Part, Quantity};
+use crate::march::{Density, Quantity, VoxelElements};
 use crate::operator::Scalars;
 use crate::scene::{Find, Rgb, Volume, VolumeMedium, VolumeScene, VoxelGrid, VoxelSet};
 use crate::{Error, Result};
 
 /// What is looked for, before any ray is walked.
 pub(super) struct Searched {
-    pub(super) parts: Vec<Part>,
+    pub(super) parts: Vec<VoxelElements>,
     pub(super) start: Vec<Rgb>,
     /// The place of each element in its lattice.
     pub(super) places: Vec<u32>,
-    pub(super) kinds: Vec<Kind>,
+    pub(super) kinds: Vec<ElementKind>,
     pub(super) outside_hull: usize,
 }
 
 /// So many elements that share a lattice, bounds and pull.
 #[derive(Debug, Clone)]
-pub(super) struct Kind {
+pub(super) struct ElementKind {
     pub(super) noun: &'static str,
     pub(super) len: usize,
     pub(super) size: Vec<usize>,
@@ -81,9 +81,9 @@ impl Searched {
             }
             Find::Environment => {
                 searched.parts.push(lit_voxels(scene, medium, optics)?);
-                searched.start = scene.light_basis.coefficients_of(optics.environment());
+                searched.start = optics.environment().coefficients(&scene.light_basis);
                 searched.places = scene.light_basis.places();
-                searched.kinds.push(Kind {
+                searched.kinds.push(ElementKind {
                     noun: "lights",
                     len: searched.start.len(),
                     size: scene.light_basis.lattice().to_vec(),
@@ -122,14 +122,14 @@ impl Searched {
         self.outside_hull += candidates.len() - voxels.len();
         self.places.extend(voxels.indices());
         self.start.extend(voxels.indices().iter().map(|&index| volume.color(index as usize)));
-        self.kinds.push(Kind {
+        self.kinds.push(ElementKind {
             noun: "voxels",
             len: voxels.len(),
             size: grid.size().to_vec(),
             bounds: scene.solve.solver.kept(bounds),
             pull,
         });
-        self.parts.push(Part::new(quantity, grid, Arc::new(voxels), optics.density.interpolation()));
+        self.parts.push(VoxelElements::new(quantity, grid, Arc::new(voxels), optics.density.interpolation()));
         Ok(())
     }
 }

@@ -15,7 +15,7 @@ impl VolumeState {
     /// looked for with that comes nearest to it.
     pub fn of(scene: &VolumeScene) -> Result<Self> {
         let environment = if scene.stages.contains(&Find::Environment) {
-            let lights = scene.light_basis.coefficients_of(&scene.environment);
+            let lights = scene.environment.coefficients(&scene.light_basis);
             Environment::lights(scene.light_basis.clone(), lights)?
         } else {
             scene.environment.clone()

@@ -186,7 +186,7 @@ fn settings_that_make_no_sense_are_named() {
 fn the_library_names_them_as_well() {
     use unscatter::operator::TransportOperator;
     use unscatter::problem::{LightMapProblem, Problem, solve};
-    use unscatter::scene::Weight;
+    use unscatter::scene::RegularizationWeight;
     use unscatter::solve::Control;
     let desk = Desk::new();
     let refused = |spoil: &dyn Fn(&mut unscatter::scene::Scene, &mut LightMapProblem)| {
@@ -199,11 +199,11 @@ fn the_library_names_them_as_well() {
         result.unwrap_err().to_string()
     };
     assert!(
-        refused(&|scene, _| scene.solve.regularization.tikhonov = Weight::Relative(f64::NAN))
+        refused(&|scene, _| scene.solve.regularization.tikhonov = RegularizationWeight::Relative(f64::NAN))
             .contains("tikhonov")
     );
     assert!(
-        refused(&|scene, _| scene.solve.regularization.laplacian = Weight::Relative(-1.0))
+        refused(&|scene, _| scene.solve.regularization.laplacian = RegularizationWeight::Relative(-1.0))
             .contains("laplacian")
     );
     assert!(refused(&|scene, _| scene.solve.bounds = [[1.0; 3], [0.5; 3]]).contains("upper"));

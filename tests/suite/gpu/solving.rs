@@ -8,7 +8,7 @@ use unscatter::operator::{
     Bounds, CpuVector, Indexed, MatrixRows, Metric, TileBlocks, Tiling, TransportOperator, Vector,
 };
 use unscatter::problem::{Assessor, LightMapProblem, Problem, Solved, evenly, solve};
-use unscatter::scene::{MetricName, Rgb, Scene, SolverName, Strategy, Weight};
+use unscatter::scene::{MetricName, RegularizationWeight, Rgb, Scene, SolverName, Strategy};
 use unscatter::solve::Control;
 
 use super::{device, gpu, narrow, open, random, relative_difference};
@@ -184,8 +184,8 @@ fn every_solver_takes_the_same_path() {
     let gpu = gpu();
     for solver in SolverName::ALL {
         let (mut scene, problem) = small(solver);
-        scene.solve.regularization.gradient = Weight::Relative(1e-3);
-        scene.solve.regularization.laplacian = Weight::Relative(1e-4);
+        scene.solve.regularization.gradient = RegularizationWeight::Relative(1e-3);
+        scene.solve.regularization.laplacian = RegularizationWeight::Relative(1e-4);
         let [light_map, objective] = compare(&scene, &problem, &gpu);
         assert!(light_map <= DEVICE_LIGHT_MAP, "{solver:?}: light maps are {light_map:e} apart");
         assert!(objective <= DEVICE_OBJECTIVE, "{solver:?}: objectives are {objective:e} apart");
@@ -199,7 +199,7 @@ fn every_metric_and_the_choice_of_a_weight_are_the_same() {
     for metric in [MetricName::Tiles, MetricName::Sqs, MetricName::Jacobi, MetricName::None] {
         let (mut scene, problem) = small(SolverName::Fista);
         scene.solve.metric = metric;
-        scene.solve.regularization.tikhonov = Weight::Gcv;
+        scene.solve.regularization.tikhonov = RegularizationWeight::Gcv;
         let [light_map, objective] = compare(&scene, &problem, &gpu);
         assert!(light_map <= DEVICE_LIGHT_MAP, "{metric:?}: light maps are {light_map:e} apart");
         assert!(objective <= DEVICE_OBJECTIVE, "{metric:?}: objectives are {objective:e} apart");

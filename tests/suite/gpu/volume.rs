@@ -5,7 +5,8 @@ use std::sync::Arc;
 use glam::{DAffine3, DQuat, DVec3};
 use unscatter::gpu::{Accumulation, Choice, DeviceOperator, Gpu, GpuVector, Walked};
 use unscatter::march::{
-    Density, InScattering, LitVolume, Part, PixelRays, Quantity, Refraction, VolumeTransport, VolumeTraversal,
+    Density, InScattering, LitVolume, PixelRays, Quantity, Refraction, VolumeTransport, VolumeTraversal,
+    VoxelElements,
 };
 use unscatter::operator::{Bounds, LinearOperator, Vector, adjoint_test};
 use unscatter::scene::{
@@ -149,7 +150,7 @@ fn traversal(seed: u64, case: Case) -> VolumeTraversal {
     let mut part = |quantity| {
         let holds: Vec<bool> = (0..unknown.len()).map(|_| !n.next().is_multiple_of(4)).collect();
         let voxels = VoxelSet::new(unknown.size(), |index| holds[index] && index / 64 % 3 != 1);
-        Part::new(quantity, unknown, Arc::new(voxels), case.basis)
+        VoxelElements::new(quantity, unknown, Arc::new(voxels), case.basis)
     };
     let light = |count| Quantity::Albedo(lights(&mut Numbers(seed | 1), medium_grid, count, case.colored));
     let parts = match case.looked {

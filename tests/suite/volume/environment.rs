@@ -106,7 +106,7 @@ fn rows_are_what_pictures_of_a_light_show() {
         assert_eq!(problem.is_grey(), case.channels == [1, 1] && !case.has_floor, "{case:?}");
         let explicit = explicit(&problem);
         let mut shown = explicit.range();
-        let x = scene.light_basis.coefficients_of(&truth.environment);
+        let x = truth.environment.coefficients(&scene.light_basis);
         explicit.apply(&CpuVector(x.iter().map(|x| x.map(f64::from)).collect()), &mut shown).unwrap();
         let shown: Vec<Rgb> = shown.0.iter().map(|color| color.map(|value| value as f32)).collect();
         let error = relative(&shown, &problem.targets);

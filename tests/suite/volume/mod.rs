@@ -16,7 +16,8 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use unscatter::march::{
-    Density, InScattering, LitVolume, Part, PixelRays, Quantity, Traversal, VolumeTransport, VolumeTraversal,
+    Density, InScattering, LitVolume, PixelRays, Quantity, Traversal, VolumeTransport, VolumeTraversal,
+    VoxelElements,
 };
 use unscatter::scene::{
     Camera, FovAxis, Interpolation, Quadrature, Ray, Samples, Volume, VoxelGrid, VoxelSet,
@@ -117,8 +118,8 @@ fn transport(density: Volume, interpolation: Interpolation) -> VolumeTransport {
 }
 
 /// All voxels of a grid.
-fn part(quantity: Quantity, grid: VoxelGrid, basis: Interpolation) -> Part {
-    Part::new(quantity, grid, Arc::new(VoxelSet::all(grid.size())), basis)
+fn part(quantity: Quantity, grid: VoxelGrid, basis: Interpolation) -> VoxelElements {
+    VoxelElements::new(quantity, grid, Arc::new(VoxelSet::all(grid.size())), basis)
 }
 
 /// Light from everywhere on one grid, and from one direction with anisotropic scattering on another.

@@ -1,6 +1,6 @@
 //! How radiance changes with extinction, and the problem of a step of Gauss–Newton.
 
-use unscatter::march::{LinearizedTraversal, Source, channel};
+use unscatter::march::{LinearizedTraversal, SourceFunction, channel};
 use unscatter::problem::{Problem, VolumeProblem};
 use unscatter::scene::{DirectionalLight, Environment, Find, Rgb, Strategy, VolumeMedium, look_at};
 use unscatter::sparse::ExplicitMatrix;
@@ -19,7 +19,7 @@ fn dense_values(n: &mut Numbers, grid: VoxelGrid, channels: usize) -> Volume {
 struct Case {
     extinction: Volume,
     basis: Interpolation,
-    source: Source,
+    source: SourceFunction,
     rays: Vec<(Ray, f64)>,
     behind: Vec<Rgb>,
 }
@@ -35,8 +35,8 @@ impl Case {
             _ => values(&mut n, lattice, channels, 2.0),
         };
         let source = match seed % 3 {
-            0 => Source::Constant([0.7, 0.2, 0.4]),
-            _ => Source::Medium {
+            0 => SourceFunction::Constant([0.7, 0.2, 0.4]),
+            _ => SourceFunction::Medium {
                 emission: Arc::new(values(&mut n, finer, 3, 1.5)),
                 albedo: Arc::new(values(&mut n, lattice, 3, 1.0)),
                 light: Some(random_light(&mut n, [lattice, finer], 3)),
@@ -129,8 +129,12 @@ fn a_slab_has_the_slope_of_its_closed_form() {
             let parts = vec![part(Quantity::Extinction, grid, basis)];
             let medium = Volume::constant(grid, [sigma_t; 3]).unwrap();
             let medium = VolumeTraversal::new(transport(medium, basis), rows_along(&rays), parts);
-            let rows =
-                LinearizedTraversal::new(medium, Source::Constant([source; 3]), vec![[behind; 3]], vec![]);
+            let rows = LinearizedTraversal::new(
+                medium,
+                SourceFunction::Constant([source; 3]),
+                vec![[behind; 3]],
+                vec![],
+            );
             let mut sum = 0.0;
             Traversal::<f64, 1>::walk(&rows, 0, &mut |_, [weight]| sum += weight);
             let [sigma_t, source, behind] = [sigma_t, source, behind].map(f64::from);

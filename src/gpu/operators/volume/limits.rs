@@ -4,7 +4,7 @@ use crate::gpu::device::Gpu;
 use crate::gpu::kernels::Accumulation;
 use crate::gpu::kernels::layout::LIGHTS;
 use crate::gpu::operators::rounds;
-use crate::march::{Part, Quantity, VolumeTraversal};
+use crate::march::{Quantity, VolumeTraversal, VoxelElements};
 use crate::scene::{Interpolation, Quadrature};
 use crate::{Error, Result};
 
@@ -16,7 +16,7 @@ const REMEDY: &str = "choose the strategy `assembled`, which keeps the rows, or 
 pub(super) fn check(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumulation) -> Result<()> {
     let shared = traversal.transport();
     let lights = traversal.parts().iter().map(lights).max().unwrap_or(0);
-    let scatters = |part: &Part| matches!(part.quantity, Quantity::InScattered(_));
+    let scatters = |part: &VoxelElements| matches!(part.quantity, Quantity::InScattered(_));
     let problem = if traversal.parts().iter().any(scatters) {
         "walks volumes in a light that is known, and it is looked for".to_owned()
     } else if shared.refraction.is_some() {
@@ -30,7 +30,7 @@ pub(super) fn check(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumu
     } else if !shared.density.cells().passes_over_bricks() {
         "always passes over empty bricks, and was asked to enter them".to_owned()
     } else {
-        let needed = |part: &Part| rounds_of_a_ray(traversal, part, accumulation);
+        let needed = |part: &VoxelElements| rounds_of_a_ray(traversal, part, accumulation);
         return rounds::check(
             gpu,
             || traversal.parts().iter().map(needed).max().unwrap_or(0),
@@ -40,7 +40,7 @@ pub(super) fn check(gpu: &Gpu, traversal: &VolumeTraversal, accumulation: Accumu
     Err(Error::Unsupported { adapter: gpu.record().name.clone(), problem, remedy: REMEDY })
 }
 
-fn lights(part: &Part) -> usize {
+fn lights(part: &VoxelElements) -> usize {
     match &part.quantity {
         Quantity::Albedo(light) => light.fields().len(),
         _ => 0,
@@ -48,7 +48,7 @@ fn lights(part: &Part) -> usize {
 }
 
 /// Rounds of the loops of one ray at most.
-fn rounds_of_a_ray(traversal: &VolumeTraversal, part: &Part, accumulation: Accumulation) -> usize {
+fn rounds_of_a_ray(traversal: &VolumeTraversal, part: &VoxelElements, accumulation: Accumulation) -> usize {
     let shared = traversal.transport();
     let across = |size: [usize; 3]| size.iter().map(|side| side + 2).sum::<usize>();
     let is_extinction = matches!(part.quantity, Quantity::Extinction);

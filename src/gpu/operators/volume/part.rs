@@ -11,7 +11,7 @@ use crate::gpu::kernels::layout::{LightUniform, Track, VolumeUniform};
 use crate::gpu::kernels::{VolumeWalk, Walk};
 use crate::gpu::operators::rays::Rays;
 use crate::gpu::operators::walked::WalkedPart;
-use crate::march::{InScattering, Part, Quantity, VolumeTraversal};
+use crate::march::{InScattering, Quantity, VolumeTraversal, VoxelElements};
 use crate::scene::Interpolation;
 
 /// What all parts of a volume share: the extinction, and where its bricks are.
@@ -41,7 +41,7 @@ pub(super) fn walked_part(
     gpu: &Gpu,
     traversal: &VolumeTraversal,
     medium: &MediumBricks,
-    part: &Part,
+    part: &VoxelElements,
     first: usize,
     colored: bool,
 ) -> Result<WalkedPart> {
@@ -66,7 +66,7 @@ pub(super) fn walked_part(
     Ok(WalkedPart::new(Walk::Volume(walk), first..first + part.voxels().len(), passed, rays))
 }
 
-fn light_of(part: &Part) -> Option<&InScattering> {
+fn light_of(part: &VoxelElements) -> Option<&InScattering> {
     match &part.quantity {
         Quantity::Albedo(light) => Some(light),
         _ => None,
@@ -77,7 +77,7 @@ fn light_of(part: &Part) -> Option<&InScattering> {
 fn tables(
     traversal: &VolumeTraversal,
     medium: &MediumBricks,
-    part: &Part,
+    part: &VoxelElements,
     walked: &Cells,
 ) -> (Vec<u32>, Vec<f32>, VolumeUniform) {
     let shared = traversal.transport();
@@ -112,7 +112,13 @@ fn tables(
 }
 
 /// The tracks of all rows: one through the cells that are walked, and with `nested` one through those of the unknown.
-fn rays(gpu: &Gpu, traversal: &VolumeTraversal, part: &Part, walked: &Cells, nested: bool) -> Result<Rays> {
+fn rays(
+    gpu: &Gpu,
+    traversal: &VolumeTraversal,
+    part: &VoxelElements,
+    walked: &Cells,
+    nested: bool,
+) -> Result<Rays> {
     let rays = traversal.rays();
     let inner = Cells::new(&part.grid, traversal.transport().basis);
     let light = light_of(part);

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use super::super::{Animated, Describes, Document, VolumeDocument, document, open, source::Source};
+use super::super::{Animated, Describes, Document, VolumeDocument, document, open, scene_text::SceneText};
 use super::*;
 
 /// Settings that may have no value, and why. All others are written, and a new one is until it is put in here.
@@ -116,7 +116,7 @@ const ANIMATION: &str = r##"{
 
 /// The document of a text in a file, settled but for what the schema says.
 fn settled<D: Describes>(text: &str, file: &Path) -> D {
-    let mut source = Source { file, text, set: Vec::new() };
+    let mut source = SceneText { file, text, set: Vec::new() };
     let mut read: D = document(&mut source, &[]).unwrap();
     read.settle(file);
     read

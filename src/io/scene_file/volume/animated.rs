@@ -109,7 +109,7 @@ impl Frames {
             Origin::Blend => Ok(None),
             Origin::Shapes(keys) => {
                 let frames: Vec<usize> = keys.iter().map(|(frame, _)| *frame).collect();
-                let between = scene::Between::of(&frames, frame);
+                let between = scene::KeySpan::of(&frames, frame);
                 let [from, to] = between.keys.map(|key| &keys[key].1);
                 let source = from.towards(to, between.share)?;
                 let assets = Assets::beside(Path::new(""));
@@ -141,13 +141,14 @@ impl VolumeDocument {
         animation.check(&self.volume, &stages).at("animation")?;
         let mut assets = Assets::beside(file);
         let first = &animation.keys[0];
-        let base = self.scene(file, &mut assets, |assets| first.medium(0, self, animation, assets))?;
+        let medium = (&self.volume, &stages[..]);
+        let base = self.scene(file, &mut assets, |assets| first.medium(0, medium, animation, assets))?;
         let grid = *base.medium.extinction.grid();
         let mut keys = Vec::with_capacity(animation.keys.len());
         for (index, key) in animation.keys.iter().enumerate() {
             let medium = match index {
                 0 => base.medium.clone(),
-                _ => key.medium(index, self, animation, &assets)?,
+                _ => key.medium(index, medium, animation, &assets)?,
             };
             let place = format!("animation.keys[{index}]");
             same_grids(&medium, &base.medium).at(&place)?;

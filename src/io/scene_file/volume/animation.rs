@@ -3,7 +3,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::document::VolumeDocument;
 use super::field::Field;
 use super::properties::Volume;
 use super::view::{KEEP, Wanted};
@@ -166,16 +165,30 @@ impl Animation {
     }
 }
 
+impl KeyView {
+    fn wanted(&self) -> Wanted<'_> {
+        Wanted {
+            picture: self.picture.as_ref(),
+            weight: self.weight.as_ref(),
+            mask: self.mask.as_ref(),
+            strokes: &self.strokes,
+            layers: &self.layers,
+            keep: self.keep,
+        }
+    }
+}
+
 impl Key {
     /// The medium at this key before the solve.
     pub(super) fn medium(
         &self,
         index: usize,
-        document: &VolumeDocument,
+        (volume, stages): (&Volume, &[Find]),
         animation: &Animation,
         assets: &Assets,
     ) -> Built<VolumeMedium> {
-        let mut volume = document.volume.clone();
+        let is_of_files = animation.is_of_files(volume);
+        let mut volume = volume.clone();
         let of_key = [
             ("extinction", &self.extinction, &mut volume.extinction),
             ("albedo", &self.albedo, &mut volume.albedo),
@@ -188,11 +201,11 @@ impl Key {
                 own.push(name);
             }
         }
-        if animation.is_of_files(&document.volume) {
+        if is_of_files {
             let number = animation.first_file() + self.frame;
             volume.extinction = Field::From(volume.extinction.source().numbered(number));
         }
-        volume.build(assets, &document.find.stages()).map_err(|flaw| {
+        volume.build(assets, stages).map_err(|flaw| {
             let is_own = own.iter().any(|name| flaw.is_at(name));
             flaw.inside(&if is_own { format!("animation.keys[{index}]") } else { "volume".to_owned() })
         })
@@ -213,8 +226,7 @@ impl Key {
                     "the name of a view of the scene",
                 ));
             };
-            let built =
-                Wanted::of_key(wanted).build(&wanted.name, view.view.camera.clone(), assets).at(&place)?;
+            let built = wanted.wanted().build(&wanted.name, view.view.camera.clone(), assets).at(&place)?;
             *view = scene::VolumeView { background: view.background.take(), ..built };
         }
         if scene.views.iter().any(scene::VolumeView::is_wanted) {

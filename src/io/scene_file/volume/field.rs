@@ -9,7 +9,7 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::shapes::Shapes;
+use super::shapes::{Shapes, mixed};
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::channels::Channels;
 use crate::io::scene_file::file_name::FileName;
@@ -163,11 +163,6 @@ impl FieldSource {
         let scale = if is_one_scale { self.scale } else { mixed(self.scale, other.scale, share) };
         Ok(Self { made: Some(from.towards(to, share).at("made")?), scale, ..self.clone() })
     }
-}
-
-/// A number a `share` of the way from one to another.
-pub(super) fn mixed(from: f64, to: f64, share: f64) -> f64 {
-    (1.0 - share) * from + share * to
 }
 
 fn one() -> f64 {

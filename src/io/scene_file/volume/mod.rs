@@ -3,6 +3,7 @@
 mod animated;
 mod animation;
 mod document;
+mod environment;
 mod field;
 mod lights;
 mod properties;
@@ -11,7 +12,8 @@ mod view;
 
 pub use animated::AnimatedVolume;
 pub use animation::{Animation, Between, Key, KeyView};
-pub use document::{Environment, Find, Pull, TransformsFile, VolumeDocument};
+pub use document::{Find, Pull, TransformsFile, VolumeDocument};
+pub use environment::Environment;
 pub use field::{Field, FieldSource, GridSize};
 pub use lights::{Lights, Over};
 pub use properties::{Extinction, Interpolation, PropertyBounds, Range, Refraction, Volume};

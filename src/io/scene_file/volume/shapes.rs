@@ -4,7 +4,6 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::field::mixed;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked, within};
 use crate::scene::{self, Blob, Procedural};
 
@@ -192,4 +191,9 @@ impl Noise {
             seed: self.seed,
         })
     }
+}
+
+/// A number a `share` of the way from one to another.
+pub(super) fn mixed(from: f64, to: f64, share: f64) -> f64 {
+    (1.0 - share) * from + share * to
 }

@@ -3,12 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::animation::KeyView;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
 use crate::io::scene_file::view::{Camera, Stroke, checked_camera, painted};
-use crate::scene::{self, Image, RgbaImage};
+use crate::scene::{self, Image, RgbaImage, luminance};
 
 /// A camera and what its picture should show.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -90,26 +89,15 @@ impl VolumeView {
 
 /// What a picture should show, as it is written.
 pub(super) struct Wanted<'a> {
-    picture: Option<&'a FileName>,
-    weight: Option<&'a FileName>,
-    mask: Option<&'a FileName>,
-    strokes: &'a [Stroke],
-    layers: &'a [FileName],
-    keep: Option<f64>,
+    pub(super) picture: Option<&'a FileName>,
+    pub(super) weight: Option<&'a FileName>,
+    pub(super) mask: Option<&'a FileName>,
+    pub(super) strokes: &'a [Stroke],
+    pub(super) layers: &'a [FileName],
+    pub(super) keep: Option<f64>,
 }
 
-impl<'a> Wanted<'a> {
-    pub(super) fn of_key(view: &'a KeyView) -> Self {
-        Self {
-            picture: view.picture.as_ref(),
-            weight: view.weight.as_ref(),
-            mask: view.mask.as_ref(),
-            strokes: &view.strokes,
-            layers: &view.layers,
-            keep: view.keep,
-        }
-    }
-
+impl Wanted<'_> {
     /// The view of a camera that should show it.
     pub(super) fn build(
         &self,
@@ -153,7 +141,7 @@ fn wanted(file: &FileName, size: [usize; 2], assets: &Assets) -> Built<RgbaImage
 fn weighted(mut picture: RgbaImage, file: &FileName, assets: &Assets) -> Built<RgbaImage> {
     let weights = sized(assets.image(file)?, picture.size())?;
     for (pixel, weight) in picture.pixels.iter_mut().zip(&weights.pixels) {
-        let luminance = 0.2126 * weight[0] + 0.7152 * weight[1] + 0.0722 * weight[2];
+        let luminance = luminance(*weight);
         if !(-1e-6..=1.0 + 1e-6).contains(&luminance) {
             return Err(Flaw::value("", luminance, "weights from 0 to 1"));
         }

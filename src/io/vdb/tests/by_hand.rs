@@ -182,7 +182,7 @@ fn halves_are_told_by_metadata_then_by_type() {
 fn every_linear_map_is_read() {
     let map = |kind: &str, numbers: &[f64]| {
         let bytes = [text(kind), numbers.iter().flat_map(|number| number.to_le_bytes()).collect()].concat();
-        let mut source = Source::new(Cursor::new(&bytes), Path::new("memory.vdb"))?;
+        let mut source = ByteReader::new(Cursor::new(&bytes), Path::new("memory.vdb"))?;
         transform::read(&mut source).inspect(|_| assert_eq!(source.at(), bytes.len() as u64))
     };
     let scale = DAffine3::from_scale(DVec3::new(1.0, 2.0, -3.0));

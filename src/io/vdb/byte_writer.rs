@@ -3,13 +3,13 @@ use std::path::Path;
 
 use crate::{Error, Result};
 
-/// The other way of a [`Source`](super::source::Source).
-pub(super) struct Sink<'p, W> {
+/// The other way of a [`ByteReader`](super::byte_reader::ByteReader).
+pub(super) struct ByteWriter<'p, W> {
     file: W,
     path: &'p Path,
 }
 
-impl<'p, W: Write + Seek> Sink<'p, W> {
+impl<'p, W: Write + Seek> ByteWriter<'p, W> {
     pub(super) fn new(file: W, path: &'p Path) -> Self {
         Self { file, path }
     }

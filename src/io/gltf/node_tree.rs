@@ -3,19 +3,19 @@
 use ::gltf::json::scene::Node;
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 
-use super::Result;
-use super::document::Document;
+use super::file::GltfFile;
+use crate::Result;
 
 /// World transforms of all nodes, and a check that the hierarchy is one: no cycles, one parent a node.
 #[derive(Debug)]
-pub(super) struct Tree {
+pub(super) struct NodeTree {
     children: Vec<Vec<usize>>,
     world_from_node: Vec<DAffine3>,
 }
 
-impl Tree {
-    pub(super) fn new(document: &Document) -> Result<Self> {
-        let nodes = &document.root.nodes;
+impl NodeTree {
+    pub(super) fn new(file: &GltfFile) -> Result<Self> {
+        let nodes = &file.root.nodes;
         let mut children = Vec::with_capacity(nodes.len());
         let mut is_child = vec![false; nodes.len()];
         for (index, node) in nodes.iter().enumerate() {
@@ -24,10 +24,10 @@ impl Tree {
                 match is_child.get_mut(child) {
                     Some(taken) if !*taken => *taken = true,
                     Some(_) => {
-                        return Err(document.broken(format!("node {child} has two parents or repeats")));
+                        return Err(file.broken(format!("node {child} has two parents or repeats")));
                     }
                     None => {
-                        return Err(document.broken(format!("node {index} has the unknown child {child}")));
+                        return Err(file.broken(format!("node {index} has the unknown child {child}")));
                     }
                 }
             }
@@ -35,23 +35,23 @@ impl Tree {
         }
         let mut tree = Self { children, world_from_node: vec![DAffine3::NAN; nodes.len()] };
         let roots: Vec<usize> = (0..nodes.len()).filter(|&index| !is_child[index]).collect();
-        let placed = tree.place(document, roots)?;
+        let placed = tree.place(file, roots)?;
         // With one parent a node at most, what no root reaches hangs on itself.
         if placed < nodes.len() {
-            return Err(document.broken("its nodes form a cycle".into()));
+            return Err(file.broken("its nodes form a cycle".into()));
         }
         Ok(tree)
     }
 
     /// Computes the transforms of these nodes and all below, and tells how many there are.
-    fn place(&mut self, document: &Document, roots: Vec<usize>) -> Result<usize> {
+    fn place(&mut self, file: &GltfFile, roots: Vec<usize>) -> Result<usize> {
         let mut open: Vec<(usize, DAffine3)> =
             roots.into_iter().map(|index| (index, DAffine3::IDENTITY)).collect();
         let mut placed = 0;
         while let Some((index, world_from_parent)) = open.pop() {
-            let world_from_node = world_from_parent * parent_from_node(&document.root.nodes[index]);
+            let world_from_node = world_from_parent * parent_from_node(&file.root.nodes[index]);
             if !world_from_node.is_finite() {
-                return Err(document.broken(format!("the transform of node {index} is not finite")));
+                return Err(file.broken(format!("the transform of node {index} is not finite")));
             }
             self.world_from_node[index] = world_from_node;
             open.extend(self.children[index].iter().map(|&child| (child, world_from_node)));
@@ -76,18 +76,18 @@ impl Tree {
     }
 
     /// The nodes of the default scene; of the first one, or all nodes, where the file does not say.
-    pub(super) fn scene(&self, document: &Document) -> Result<Vec<usize>> {
-        let scene = match document.root.scene {
-            Some(index) => Some(
-                document.get(index).ok_or_else(|| document.broken("its default scene is missing".into()))?,
-            ),
-            None => document.root.scenes.first(),
+    pub(super) fn scene(&self, file: &GltfFile) -> Result<Vec<usize>> {
+        let scene = match file.root.scene {
+            Some(index) => {
+                Some(file.get(index).ok_or_else(|| file.broken("its default scene is missing".into()))?)
+            }
+            None => file.root.scenes.first(),
         };
         let Some(scene) = scene else { return Ok((0..self.children.len()).collect()) };
         let mut nodes = Vec::new();
         for root in &scene.nodes {
             if root.value() >= self.children.len() {
-                return Err(document.broken(format!("its scene has the unknown node {root}")));
+                return Err(file.broken(format!("its scene has the unknown node {root}")));
             }
             nodes.extend(self.below(root.value()));
         }

@@ -4,11 +4,15 @@ use super::{Real, Traversal, Weight};
 use crate::scene::Rgb;
 use crate::{Error, Result};
 
-/// What the rows of a light map show beside the texels along their rays: further elements, and texels on the surfaces behind.
+/// The weights that rows of a light map have beside those of the texels along their rays: of further elements, which stand behind the
+/// texels, and of texels that the surface at a ray's end reflects.
 ///
-/// Weights are kept, for what they cost is the visibility of many directions.
+/// They are kept, because each takes the visibility of many directions.
+///
+/// Shapes  weights: [rows, further elements], reflected: [rows, at most 4 texels], one channel or three
+/// Units   further elements: dimensionless; reflected texels: 1/sr
 #[derive(Debug, Clone)]
-pub struct Surroundings {
+pub struct FurtherWeights {
     /// The number of further elements.
     further: usize,
     /// One number a weight, or three.
@@ -49,7 +53,7 @@ impl Reflected {
     }
 }
 
-impl Surroundings {
+impl FurtherWeights {
     /// From the weights of `further` elements in row after row, and what each row's surface shows of the texels.
     ///
     /// Errors: [`Error::Shape`] when there is not one weight a row and element.
@@ -57,7 +61,7 @@ impl Surroundings {
         let expected = further * reflected.len();
         if weights.len() != expected {
             return Err(Error::Shape {
-                what: "the weights of the surroundings",
+                what: "the weights of the further elements",
                 expected,
                 got: weights.len(),
             });
@@ -144,23 +148,23 @@ impl Surroundings {
     }
 }
 
-/// Rows of a light map with their surroundings alone.
+/// The rows of a light map without what is along their rays: the texels that surfaces show, and the further elements.
 #[derive(Debug, Clone)]
-pub struct BesideRows {
-    pub(super) surroundings: Arc<Surroundings>,
+pub struct FurtherRows {
+    pub(super) weights: Arc<FurtherWeights>,
     pub(super) texels: usize,
 }
 
-impl<F: Real, const C: usize> Traversal<F, C> for BesideRows {
+impl<F: Real, const C: usize> Traversal<F, C> for FurtherRows {
     fn rows(&self) -> usize {
-        self.surroundings.reflected.len()
+        self.weights.reflected.len()
     }
 
     fn elements(&self) -> usize {
-        self.texels + self.surroundings.further
+        self.texels + self.weights.further
     }
 
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
-        self.surroundings.walk(row, self.texels, |_| {}, visit);
+        self.weights.walk(row, self.texels, |_| {}, visit);
     }
 }

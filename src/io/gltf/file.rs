@@ -9,7 +9,7 @@ use ::gltf::json::root::Get;
 use ::gltf::json::{Index, Root};
 use base64::Engine;
 
-use super::{Error, Result};
+use crate::{Error, Result};
 
 /// Extensions that a file may require: known here, or without influence on shape, albedo and alpha.
 const EXTENSIONS: [&str; 13] = [
@@ -31,34 +31,34 @@ const EXTENSIONS: [&str; 13] = [
 /// No single file is read beyond this many bytes.
 const MAX_FILE: u64 = 1 << 32;
 
-/// A parsed file with its buffers. Nothing in it has been checked: indices go through [`Document::get`].
+/// A parsed file with its buffers. Nothing in it has been checked: indices go through [`GltfFile::get`].
 #[derive(Debug)]
-pub(super) struct Document {
+pub(super) struct GltfFile {
     pub(super) path: PathBuf,
     pub(super) root: Root,
     pub(super) buffers: Vec<Vec<u8>>,
 }
 
-impl Document {
+impl GltfFile {
     pub(super) fn load(path: &Path) -> Result<Self> {
         let bytes = read_file(path)?;
-        let mut document = Self { path: path.into(), root: Root::default(), buffers: Vec::new() };
+        let mut gltf = Self { path: path.into(), root: Root::default(), buffers: Vec::new() };
         let mut blob = None;
-        document.root = if bytes.starts_with(b"glTF") {
+        gltf.root = if bytes.starts_with(b"glTF") {
             // The length includes this header of 12 bytes; the crate subtracts without looking.
             let length = bytes.get(8..12).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes);
             if length < 12 {
-                return Err(document.broken("its header is truncated".into()));
+                return Err(gltf.broken("its header is truncated".into()));
             }
-            let glb = Glb::from_slice(&bytes).map_err(|error| document.broken(error.to_string()))?;
+            let glb = Glb::from_slice(&bytes).map_err(|error| gltf.broken(error.to_string()))?;
             blob = glb.bin.as_deref().map(<[u8]>::to_vec);
-            document.parse(&glb.json)?
+            gltf.parse(&glb.json)?
         } else {
-            document.parse(&bytes)?
+            gltf.parse(&bytes)?
         };
-        document.check_header()?;
-        document.read_buffers(blob)?;
-        Ok(document)
+        gltf.check_header()?;
+        gltf.read_buffers(blob)?;
+        Ok(gltf)
     }
 
     fn parse(&self, json: &[u8]) -> Result<Root> {

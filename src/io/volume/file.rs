@@ -6,19 +6,31 @@ use std::path::Path;
 
 use glam::DAffine3;
 
-use super::{Format, MAX_VOXELS, Stored};
-use crate::io::npy::Fault;
+use super::format::Format;
+use crate::io::npy::ArrayFault;
 use crate::scene::{Samples, Volume, VoxelGrid};
 use crate::{Error, Result};
 
+/// Voxels at most in a file: half a billion, 6 GiB in RGB.
+pub const MAX_VOXELS: usize = 1 << 29;
+
+/// A volume as a file holds it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stored {
+    /// The values. Where the file does not say where they lie, they fill the cube from (0, 0, 0) to (1, 1, 1).
+    pub volume: Volume,
+    /// Whether the file says where they lie.
+    pub placed: bool,
+}
+
 /// A file that a volume is read from.
 #[derive(Clone, Copy)]
-pub(super) struct Source<'p> {
+pub(super) struct VolumeFile<'p> {
     pub(super) path: &'p Path,
     pub(super) format: Format,
 }
 
-impl Source<'_> {
+impl VolumeFile<'_> {
     /// The file and its length in bytes.
     pub(super) fn open(self) -> Result<(BufReader<File>, u64)> {
         // Asked for before it is opened, as opening a pipe waits for someone to write into it.
@@ -46,10 +58,10 @@ impl Source<'_> {
     }
 
     /// An array in it cannot be read.
-    pub(super) fn faulty(self, fault: Fault) -> Error {
+    pub(super) fn faulty(self, fault: ArrayFault) -> Error {
         match fault {
-            Fault::Read(source) => self.stopped(source),
-            Fault::Content(reason) => self.wrong(reason),
+            ArrayFault::Read(source) => self.stopped(source),
+            ArrayFault::Content(reason) => self.wrong(reason),
         }
     }
 

@@ -5,14 +5,14 @@ use std::path::Path;
 use crate::{Error, Result};
 
 /// The bytes of a file, least significant first. Nothing is allocated before the file is known to have it.
-pub(super) struct Source<'p, R> {
+pub(super) struct ByteReader<'p, R> {
     bytes: R,
     path: &'p Path,
     at: u64,
     end: u64,
 }
 
-impl<'p> Source<'p, BufReader<File>> {
+impl<'p> ByteReader<'p, BufReader<File>> {
     /// Errors: [`Error::File`].
     pub(super) fn open(path: &'p Path) -> Result<Self> {
         let refused = |source| Error::File { action: "read", path: path.to_owned(), source };
@@ -20,7 +20,7 @@ impl<'p> Source<'p, BufReader<File>> {
     }
 }
 
-impl<'p, R: Read + Seek> Source<'p, R> {
+impl<'p, R: Read + Seek> ByteReader<'p, R> {
     /// Errors: [`Error::File`] where the length cannot be found out.
     pub(super) fn new(bytes: R, path: &'p Path) -> Result<Self> {
         let mut source = Self { bytes, path, at: 0, end: 0 };

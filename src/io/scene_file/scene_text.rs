@@ -10,14 +10,14 @@ use super::path::DocumentPath;
 
 /// A scene file's text, and which of its values were set from outside.
 #[derive(Debug)]
-pub(super) struct Source<'a> {
+pub(super) struct SceneText<'a> {
     pub(super) file: &'a Path,
     pub(super) text: &'a str,
     /// What the caller has set.
     pub(super) set: Vec<DocumentPath>,
 }
 
-impl Source<'_> {
+impl SceneText<'_> {
     /// The error for what is wrong at `path`.
     pub(super) fn error(
         &self,

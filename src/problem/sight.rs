@@ -1,0 +1,109 @@
+//! What view rays pass through, and the maps that cover it.
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::Constraint;
+use crate::Result;
+use crate::scene::{Extent, Grid, LightFrame, MapSettings, Mesh, Ray, Scene};
+use crate::visibility::Geometry;
+
+/// Transmittance at which a ray that hits nothing no longer counts for the extent of the maps.
+const FADED: f64 = 0.02;
+/// Every so many pixels of a view are looked along for what the view sees.
+const PIXEL_STRIDE: usize = 8;
+/// Room around what was seen, as a share of it.
+const MARGIN: f64 = 0.01;
+/// Room for rounding, as a share of the distance from the origin: some thousand times that of f64.
+const ROUNDING: f64 = 1e-12;
+
+/// What view rays pass through: of each where it begins and where it no longer counts.
+#[derive(Debug, Default)]
+pub(super) struct Sight(Vec<[DVec3; 2]>);
+
+impl Sight {
+    /// Along the rays through every eighth pixel of every view.
+    pub(super) fn of_views(scene: &Scene, geometry: &Geometry) -> Self {
+        let pixels: Vec<(usize, usize, usize)> = scene
+            .views
+            .iter()
+            .enumerate()
+            .flat_map(|(view, seen)| {
+                let [width, height] = seen.camera.size();
+                let along = |side: usize| (0..side).step_by(PIXEL_STRIDE).chain([side - 1]);
+                along(height).flat_map(move |y| along(width).map(move |x| (view, x, y)))
+            })
+            .collect();
+        let seen = |(view, x, y): (usize, usize, usize)| {
+            let ray = scene.views[view].camera.pixel_ray(x, y);
+            let length = geometry.first_hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |hit| hit.distance);
+            seen_along(scene, &ray, length)
+        };
+        Self(pixels.into_par_iter().map(seen).collect())
+    }
+
+    /// Along the rays through painted pixels, whose lengths are in metres up to the first surface.
+    pub(super) fn of_painted(scene: &Scene, constraints: &[Constraint], lengths: &[f64]) -> Self {
+        let painted = constraints.par_iter().zip(lengths).filter(|(pixel, _)| pixel.weight > 0.0);
+        let seen = painted.map(|(pixel, &length)| {
+            let camera = &scene.views[pixel.view].camera;
+            seen_along(scene, &camera.pixel_ray(pixel.x, pixel.y), length)
+        });
+        Self(seen.collect())
+    }
+
+    /// Along the rays of both.
+    pub(super) fn and(mut self, other: &Self) -> Self {
+        self.0.extend_from_slice(&other.0);
+        self
+    }
+
+    /// Its shadow on the plane of a light.
+    pub(super) fn over(&self, frame: &LightFrame) -> Extent {
+        self.0.iter().flatten().fold(Extent::NOTHING, |extent, &point| {
+            let p = frame.light_from_world(point);
+            extent.include(DVec2::new(p.x, p.y))
+        })
+    }
+}
+
+/// Where a shadow map along some frame lies; none where nothing casts a shadow.
+pub(super) fn shadow_grid(
+    scene: &Scene,
+    sight: &Sight,
+    frame: &LightFrame,
+    size: [usize; 2],
+) -> Result<Option<Grid>> {
+    let occluded = occluded(&scene.mesh, frame);
+    let settings = MapSettings { size, extent: None };
+    occluded.has_area().then(|| grid(&settings, sight.over(frame), occluded)).transpose()
+}
+
+/// The box around all vertices, along a light.
+pub(super) fn occluded(mesh: &Mesh, frame: &LightFrame) -> Extent {
+    mesh.positions.iter().fold(Extent::NOTHING, |extent, &point| {
+        let p = frame.light_from_world(point);
+        extent.include(DVec2::new(p.x, p.y))
+    })
+}
+
+/// The grid of a map: where the settings say, else over what is seen and occluded, with a margin.
+pub(super) fn grid(settings: &MapSettings, seen: Extent, occluded: Extent) -> Result<Grid> {
+    let fitted = || {
+        let extent = seen.intersection(occluded).unwrap_or(seen);
+        let sides = extent.max - extent.min;
+        // What rounding leaves of a place so far from the origin.
+        let rounding = ROUNDING * extent.min.abs().max(extent.max.abs()).max_element();
+        let margin = (MARGIN * sides.max_element()).max(rounding);
+        // A single ray along the light sees no area at all; give it a texel's worth.
+        extent.grown(if margin > 0.0 { margin } else { 1e-6 })
+    };
+    Grid::new(settings.extent.unwrap_or_else(fitted), settings.size)
+}
+
+/// Where a view ray begins and where it no longer counts.
+fn seen_along(scene: &Scene, ray: &Ray, length: f64) -> [DVec3; 2] {
+    let bound = if length.is_finite() { scene.solve.transmittance_bound } else { FADED };
+    let end = length.min(scene.medium.reach(bound));
+    [ray.at(0.0), ray.at(end)]
+}
