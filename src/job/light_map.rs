@@ -124,7 +124,7 @@ impl FoundLightMap {
         let views = self.pictures.iter().map(|view| view.write(folder, scene.exposure));
         let in_page = report::Pictures {
             views: views.collect::<Result<_>>()?,
-            light_map: folder.write_picture("light_map", &self.light_map()?, exposure_of(problem))?,
+            light_map: Some(folder.write_picture("light_map", &self.light_map()?, exposure_of(problem))?),
             coverage: Some(folder.write_png(
                 "coverage",
                 &coverage_picture(problem, &computed.coverage)?,

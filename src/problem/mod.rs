@@ -28,7 +28,7 @@ pub use formulation::{Formulation, Lattice, Part, Start};
 use light_map::luminance;
 
 pub use light_map::LightMapProblem;
-pub use looked_for::{Problem, Unskipped};
+pub use looked_for::{Nouns, Problem, Unskipped};
 pub use painting::paint;
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;

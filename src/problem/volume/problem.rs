@@ -15,7 +15,7 @@ use super::{Desired, LightColumns, LitRows, Model, Optics, SeenLights, VolumeRow
 use crate::gpu::{Gpu, GpuOperator};
 use crate::march::{Part, Quantity, Refraction, Traversal, VolumeTransport, VolumeTraversal, Weight};
 use crate::operator::{CpuVector, OnHost, WalkPlan};
-use crate::problem::looked_for::{explicit, on_host, row_of};
+use crate::problem::looked_for::{Nouns, explicit, on_host, row_of};
 use crate::problem::{Formulation, Lattice, Part as ElementPart, Problem, Start, Unskipped, evenly};
 use crate::scene::{
     Environment, Find, MetricName, Quadrature, Rgb, SolveSettings, Strategy, Volume, VolumeMedium,
@@ -445,6 +445,16 @@ impl Problem for VolumeProblem {
         ];
         let counted = some.into_iter().filter(|(_, [count, _])| *count > 0);
         std::iter::once(("empty_bricks", bricks)).chain(counted).collect()
+    }
+
+    fn nouns(&self) -> Nouns {
+        let found = match self.find {
+            Find::Joint => "emission and albedo",
+            Find::Refinement => Find::Extinction.name(),
+            Find::Environment => "light",
+            find => find.name(),
+        };
+        Nouns::new(found, "wanted pixel", "target")
     }
 
     fn settings_in_words(&self) -> Vec<(&'static str, String)> {

@@ -1,6 +1,7 @@
 //! `bench.html`: one file that needs no other and no network.
 
-use super::super::plot::{self, Axis, Chart, Curve, Spacing};
+use super::super::plot::{self, Chart, ChartAxis, Curve};
+use super::super::ticks::Spacing;
 use super::super::words::{bytes, count, counted, escaped, number, seconds};
 use super::data::{Against, Bench, Law, Measured, Record, Skipped, Standing, Sweep};
 use super::scatter::{Group, Mark, Scatter, scatter};
@@ -222,8 +223,8 @@ fn chart(sweep: &Sweep) -> Chart {
     };
     Chart {
         title: format!("{}: {}", sweep.scene, sweep.over),
-        x: Axis { label: sweep.over.clone(), spacing: Spacing::Log },
-        y: Axis { label: "seconds".into(), spacing: Spacing::Log },
+        x: ChartAxis { label: sweep.over.clone(), spacing: Spacing::Log },
+        y: ChartAxis { label: "seconds".into(), spacing: Spacing::Log },
         curves: [
             curve("set-up", 1, |point| Some(point.set_up_seconds)),
             curve("products", 2, |point| Some(point.seconds)),
