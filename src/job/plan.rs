@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::asked::Asked;
+use super::asked::AskedProblem;
 use super::findings::share;
 use crate::Result;
 use crate::operator::{LinearOperator, Vector};
@@ -66,8 +66,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    pub(super) fn of(asked: Asked) -> Result<Self> {
-        let Asked { scene, find, views, pixels, problem, settings, memory, seconds } = asked;
+    pub(super) fn of(asked: AskedProblem) -> Result<Self> {
+        let AskedProblem { scene, find, views, pixels, problem, settings, memory, seconds } = asked;
         let (budget, bytes) = (memory.budget(&settings, &*problem)?, problem.kept_bytes());
         // Lights that do not fit are not kept in part: light volumes take their place.
         let walked = problem.sampled(1).on_cpu(Strategy::MatrixFree, budget)?.storage();
