@@ -78,7 +78,7 @@ pub(crate) struct SceneArguments {
 pub(crate) struct BackendArguments {
     /// What to compute on.
     #[arg(long, value_enum, default_value_t)]
-    pub(crate) backend: Backend,
+    pub(crate) backend: BackendName,
     /// The graphics adapter, by a part of its name or by its bus; `unscatter doctor` lists them. Software adapters are used
     /// only when named.
     #[arg(long, value_name = "NAME")]
@@ -348,7 +348,7 @@ impl From<SchemaOf> for Subject {
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Backend {
+pub(crate) enum BackendName {
     /// A graphics card where there is one that serves, else the processor.
     #[default]
     Auto,
@@ -358,12 +358,12 @@ pub(crate) enum Backend {
     Gpu,
 }
 
-impl From<Backend> for crate::job::Backend {
-    fn from(of: Backend) -> Self {
+impl From<BackendName> for crate::job::Backend {
+    fn from(of: BackendName) -> Self {
         match of {
-            Backend::Auto => Self::Auto,
-            Backend::Cpu => Self::Cpu,
-            Backend::Gpu => Self::Gpu,
+            BackendName::Auto => Self::Auto,
+            BackendName::Cpu => Self::Cpu,
+            BackendName::Gpu => Self::Gpu,
         }
     }
 }

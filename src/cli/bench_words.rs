@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::lab::bench::LEFT_OUT;
-use crate::report::bench::{Against, Bench, Law, Measured, Record, Standing, Sweep, front};
+use crate::report::bench::{Against, Bench, Law, MarchStanding, Measured, Record, Sweep, front};
 
 /// Counts that fell of which so many are listed.
 const SHOWN: usize = 8;
@@ -120,9 +120,9 @@ fn of_scene(bench: &Bench, scene: &str, lines: &mut Vec<String>) {
         lines.push(format!(
             "of {} marches {} are slower and worse than the exact traversal, {} quicker and worse, {} as exact",
             marches.len(),
-            count(Standing::Dominated),
-            count(Standing::Quicker),
-            count(Standing::AsExact)
+            count(MarchStanding::Dominated),
+            count(MarchStanding::Quicker),
+            count(MarchStanding::AsExact)
         ));
         lines.push(String::new());
     }

@@ -82,7 +82,6 @@ fn solved(
     solve: &SolveArguments,
     manners: &Manners,
     mut bar: Bar,
-    words: fn(&crate::report::Report, &Path) -> String,
 ) -> Result<Done> {
     watch_interrupt(&options.stop)?;
     let folder = options.folder.clone().unwrap_or_default();
@@ -90,7 +89,7 @@ fn solved(
     let found = job.with(options).solve(&mut bar)?;
     let Written { report, is_interrupted, folder } = found.write_observed(folder, &mut bar)?;
     bar.finish();
-    manners.print(&report.to_json()?, &words(&report, &folder));
+    manners.print(&report.to_json()?, &words::of_report(&report, &folder));
     Ok(if is_interrupted { Done::Interrupted } else { Done::Completely })
 }
 
@@ -103,7 +102,7 @@ pub(super) fn light_map(arguments: &LightMapArguments, manners: &Manners) -> Res
     let folder = arguments.output.folder(&arguments.scene.scene);
     let options =
         Options { rasterize: arguments.rasterize, ..options(&arguments.backend, &arguments.solve, &folder) };
-    solved(job, options, &arguments.solve, manners, bar, words::of_light_map)
+    solved(job, options, &arguments.solve, manners, bar)
 }
 
 /// `unscatter volume`: finds what the scene asks for, stage by stage, and writes volumes, pictures and a report.
@@ -116,7 +115,7 @@ pub(super) fn volume(arguments: &VolumeArguments, manners: &Manners) -> Result<D
         turntable: arguments.turntable as usize,
         ..options(&arguments.backend, &arguments.solve, &folder)
     };
-    solved(job, options, &arguments.solve, manners, bar, words::of_volume)
+    solved(job, options, &arguments.solve, manners, bar)
 }
 
 /// `unscatter animate`: solves the key frames, spreads what they found, blends, and draws every frame.
@@ -130,7 +129,7 @@ pub(super) fn animate(arguments: &AnimateArguments, manners: &Manners) -> Result
         frame_volumes: arguments.volumes,
         ..options(&arguments.backend, &arguments.solve, &folder)
     };
-    solved(job, options, &arguments.solve, manners, bar, words::of_volume)
+    solved(job, options, &arguments.solve, manners, bar)
 }
 
 /// `unscatter render`: the views as they are, or under a light map from a file.

@@ -3,37 +3,30 @@
 use std::path::Path;
 
 use crate::job::{Plan, mebibytes};
-use crate::report::{self, Report};
+use crate::report::{AnimationRecord, Certificate, Change, ProblemSize, Report, Share, StopRecord};
 
 /// A plan in a few lines.
 pub(super) fn of_plan(plan: &Plan) -> String {
     let iteration = plan.seconds_per_iteration;
-    let count = |name: &str| plan.skipped.get(name).map_or(0, |share| share.count);
-    let of = |name: &str| plan.skipped.get(name).map_or(0, |share| share.of);
-    let mut skipped = Vec::new();
-    let mut note = |is_some: bool, words: String| {
-        if is_some {
-            skipped.push(words)
+    let skipped = plan.skipped.iter().filter(|(_, share)| share.of > 0);
+    let skipped = skipped.map(|(name, Share { count, of })| match name.as_str() {
+        "shadowed_cells" => {
+            format!("{:.0} % of the rays' length is in shadow", 100.0 * *count as f64 / *of as f64)
         }
-    };
-    let (beside, outside, bricks) = (count("beside"), count("outside_hull"), of("empty_bricks"));
-    let (dark, logarithm) = (of("shadowed_cells"), count("without_logarithm"));
-    note(
-        dark > 0,
-        format!(
-            "{:.0} % of the rays' length over the map is in shadow",
-            100.0 * count("shadowed_cells") as f64 / dark.max(1) as f64
-        ),
-    );
-    note(bricks > 0, format!("{} of {bricks} bricks are empty", count("empty_bricks")));
-    note(outside > 0, format!("{outside} {} are outside the visual hull", plan.unit));
-    note(beside > 0, format!("{beside} wanted pixels meet nothing that is looked for"));
-    note(logarithm > 0, format!("{logarithm} have no logarithm"));
+        "dark_rays" => format!("{count} rays are cut off where next to no light arrives from"),
+        "empty_bricks" => format!("{count} of {of} bricks are empty"),
+        "outside_hull" => format!("{count} {} are outside the visual hull", plan.unit),
+        "beside" => format!("{count} wanted pixels meet nothing that is looked for"),
+        "without_logarithm" => format!("{count} wanted pixels have no logarithm"),
+        other => format!("{count} of {of} {other}"),
+    });
+    let skipped: Vec<String> = skipped.collect();
     let around = match plan.surrounding_unknowns {
         0 => String::new(),
         lights => {
             format!(
-                ", and {lights} lights around them; {} for what they meet",
+                ", and {lights} {} around them; {} for what those meet",
+                plan.surrounding_unit,
                 mebibytes(plan.prepared_bytes)
             )
         }
@@ -68,81 +61,63 @@ pub(super) fn of_plan(plan: &Plan) -> String {
     )
 }
 
-pub(super) fn of_light_map(report: &Report, folder: &Path) -> String {
-    let hue = |change: Option<&report::Change>| {
-        change.map_or(String::new(), |hue| format!(", hue off by {:.1}° → {:.1}°", hue.before, hue.after))
-    };
-    let mut lines = vec![format!(
-        "{} painted pixels in {} views, {} of {} {} reached, {} non-zeros",
-        report.problem.rows,
-        report.problem.views,
-        report.problem.active_unknowns,
-        report.problem.unknowns,
-        if report.surroundings.is_some() { "unknowns" } else { "texels" },
-        report.problem.nonzeros
-    )];
+/// A report in a few lines.
+pub(super) fn of_report(report: &Report, folder: &Path) -> String {
+    let pixel = &report.nouns.pixel;
+    let mut lines = Vec::new();
+    for stage in &report.stages {
+        let ended = ended(&stage.weighted_residual, &stage.certificate, &stage.stop);
+        let taken = if stage.is_taken { "" } else { "; not taken, for it came no nearer" };
+        lines.push(format!("{}: {}; {ended}{taken}", stage.label(), of_size(&stage.problem, pixel)));
+    }
+    if lines.is_empty() {
+        lines.push(of_size(&report.problem, pixel));
+    }
     if let Some(around) = &report.surroundings {
         lines.push(format!("  around the light map: {}", around.in_words()));
     }
     for view in &report.matched {
-        lines.push(format!(
-            "  {:<16} residual {:.3} → {:.3}{}",
-            view.view,
-            view.weighted_residual.before,
-            view.weighted_residual.after,
-            hue(view.uncontested_hue_error.as_ref())
-        ));
+        let hue = view.uncontested_hue_error.map_or(String::new(), |Change { before, after }| {
+            format!(", hue off by {before:.1}° → {after:.1}°")
+        });
+        lines.push(format!("  {:<16} {}{hue}", view.view, residual(&view.weighted_residual)));
     }
-    lines.push(format!(
-        "residual {:.3} → {:.3}, gradient at {:.1e} of its start after {} iterations ({}), {:.2} s in all",
-        report.weighted_residual.before,
-        report.weighted_residual.after,
-        report.certificate.value.iter().copied().fold(0.0, f64::max),
-        report.stop.iteration,
-        report.stop.reason,
-        report.timings.get("total").copied().unwrap_or_default()
-    ));
+    let total = report.timings.get("total").copied().unwrap_or_default();
+    let all = match report.stages.is_empty() {
+        true => ended(&report.weighted_residual, &report.certificate, &report.stop),
+        false => residual(&report.weighted_residual),
+    };
+    lines.push(format!("{all}, {total:.2} s in all"));
+    if let Some(animation) = &report.animation {
+        for key in &animation.keys {
+            lines.push(format!("  frame {:<10} {}", key.frame, residual(&key.weighted_residual)));
+        }
+        let spread: u64 = animation.keys.iter().map(|key| key.spread_voxels).sum();
+        let filled = if spread > 0 { format!("; diffusion filled {spread} voxels") } else { String::new() };
+        let AnimationRecord { frames, drawn, keys, .. } = animation;
+        lines.push(format!("{drawn} of {frames} frames from {} keys{filled}", keys.len()));
+    }
     lines.push(format!("results in {}", folder.join("report.html").display()));
     lines.join("\n")
 }
 
-pub(super) fn of_volume(report: &Report, folder: &Path) -> String {
-    let mut lines = Vec::new();
-    for stage in &report.stages {
-        lines.push(format!(
-            "{}: {} pixels, {} of {} {}, {} non-zeros; residual {:.4} → {:.4} after {} iterations ({}){}",
-            stage.label(),
-            stage.problem.rows,
-            stage.problem.active_unknowns,
-            stage.problem.unknowns,
-            stage.unknowns(),
-            stage.problem.nonzeros,
-            stage.weighted_residual.before,
-            stage.weighted_residual.after,
-            stage.stop.iteration,
-            stage.stop.reason,
-            if stage.is_taken { "" } else { "; not taken, for it came no nearer" },
-        ));
-    }
-    for view in &report.matched {
-        let residual = view.weighted_residual;
-        lines.push(format!("  {:<16} residual {:.4} → {:.4}", view.view, residual.before, residual.after));
-    }
-    lines.push(format!(
-        "residual {:.4} → {:.4}, {:.2} s in all",
-        report.weighted_residual.before,
-        report.weighted_residual.after,
-        report.timings.get("total").copied().unwrap_or_default()
-    ));
-    if let Some(animation) = &report.animation {
-        let spread: u64 = animation.keys.iter().map(|key| key.spread_voxels).sum();
-        lines.push(format!(
-            "{} of {} frames from {} keys, in which diffusion filled {spread} voxels",
-            animation.drawn,
-            animation.frames,
-            animation.keys.len(),
-        ));
-    }
-    lines.push(format!("results in {}", folder.join("report.html").display()));
-    lines.join("\n")
+fn of_size(size: &ProblemSize, pixel: &str) -> String {
+    format!(
+        "{} {pixel}s in {} views, {} of {} {} reached, {} non-zeros",
+        size.rows, size.views, size.active_unknowns, size.unknowns, size.elements, size.nonzeros
+    )
+}
+
+fn residual(Change { before, after }: &Change) -> String {
+    format!("residual {before:.4} → {after:.4}")
+}
+
+fn ended(change: &Change, certificate: &Certificate, stop: &StopRecord) -> String {
+    format!(
+        "{}, gradient at {:.1e} of its start after {} iterations ({})",
+        residual(change),
+        certificate.value.iter().copied().fold(0.0, f64::max),
+        stop.iteration,
+        stop.reason
+    )
 }

@@ -47,6 +47,9 @@ struct Runs<F, const C: usize> {
 /// Places inside a tile, and what a row weighs there.
 type Entries<F, const C: usize> = Vec<(u8, Weight<F, C>)>;
 
+/// What a tile computes on its part of a vector, given which unknowns that are.
+type Work<'a, F, const C: usize> = &'a (dyn Fn(&Tile<F, C>, &mut [Padded<F>], &[u32]) + Sync);
+
 impl<F: Real, const C: usize> TileMetric<F, C> {
     /// Σ_k w_k (|a_k| / |a_kB|) a_kB a_kBᵀ of every tile, with `added` on its diagonal, unknown by unknown.
     ///
@@ -104,7 +107,7 @@ impl<F: Real, const C: usize> TileMetric<F, C> {
     }
 
     /// Lets every tile compute on its part of v, given which unknowns that are.
-    fn each(&self, v: &mut CpuVector<F>, work: &(dyn Fn(&Tile<F, C>, &mut [Padded<F>], &[u32]) + Sync)) {
+    fn each(&self, v: &mut CpuVector<F>, work: Work<F, C>) {
         let mut packed: Vec<Padded<F>> =
             self.order.par_iter().map(|&unknown| padded(v.0[unknown as usize])).collect();
         let mut parts = Vec::with_capacity(self.tiles.len());

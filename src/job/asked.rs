@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::memory::{self, Memory};
+use super::memory::{self, MemoryBudget};
 use super::steps::Steps;
 use super::{Scenes, volume};
 use crate::Result;
@@ -12,7 +12,7 @@ use crate::scene::{SolveSettings, VolumeScene};
 use crate::visibility::Geometry;
 
 /// A problem, before anything is solved.
-pub(crate) struct Asked {
+pub(crate) struct AskedProblem {
     /// What the scene is called.
     pub(crate) scene: String,
     /// What is looked for.
@@ -23,7 +23,7 @@ pub(crate) struct Asked {
     pub(crate) problem: Box<dyn Problem>,
     /// How it is solved.
     pub(crate) settings: SolveSettings,
-    pub(crate) memory: Memory,
+    pub(crate) memory: MemoryBudget,
     /// Seconds that making the problems of its scene took, once there was a hierarchy.
     pub(crate) seconds: f64,
 }
@@ -56,13 +56,13 @@ impl Scenes {
     }
 
     /// All problems: a light map, or each stage of each volume.
-    pub(crate) fn asked(&self, geometry: &Arc<Geometry>, steps: &mut Steps<'_>) -> Result<Vec<Asked>> {
+    pub(crate) fn asked(&self, geometry: &Arc<Geometry>, steps: &mut Steps<'_>) -> Result<Vec<AskedProblem>> {
         if let Self::LightMap(scene) = self {
             steps.begin("tracing", None);
-            let (clock, memory) = (Instant::now(), Memory::of_light_map(scene));
+            let (clock, memory) = (Instant::now(), MemoryBudget::of_light_map(scene));
             let problem = LightMapProblem::of(scene, geometry, memory::painted(scene)?, &Traced)?;
             let seconds = clock.elapsed().as_secs_f64();
-            return Ok(vec![Asked {
+            return Ok(vec![AskedProblem {
                 scene: scene.name.clone(),
                 find: "light map",
                 views: scene.views.len(),
@@ -75,12 +75,12 @@ impl Scenes {
         }
         let mut all = Vec::new();
         for (_, scene) in self.volumes() {
-            let (clock, memory) = (Instant::now(), Memory::of_volume(&scene));
+            let (clock, memory) = (Instant::now(), MemoryBudget::of_volume(&scene));
             let problems = volume::problems(&scene, geometry, steps)?;
             let seconds = clock.elapsed().as_secs_f64();
             for problem in problems {
                 let settings = VolumeProblem::settings(&scene, problem.find);
-                all.push(Asked {
+                all.push(AskedProblem {
                     scene: scene.name.clone(),
                     find: problem.find.name(),
                     views: scene.views.len(),

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use super::Options;
 use super::checkpoint::Keeper;
 use super::engine::{Engine, On};
-use super::memory::Memory;
+use super::memory::MemoryBudget;
 use super::observer::Wish;
 use super::steps::Steps;
 use crate::operator::{CpuVector, FromHost, Storage, TransportOperator, adjoint_test};
@@ -27,10 +27,10 @@ const TRUSTED: f64 = 1e-3;
 pub(super) type After<'a, T> = dyn Fn(&dyn FromHost, &[Rgb], &mut Steps<'_>) -> Result<T> + 'a;
 
 /// A problem on its way.
-pub(super) struct Task<'a> {
+pub(super) struct ProblemSolve<'a> {
     pub(super) problem: &'a dyn Problem,
     pub(super) settings: &'a SolveSettings,
-    pub(super) memory: &'a Memory,
+    pub(super) memory: &'a MemoryBudget,
     pub(super) options: &'a Options,
     /// Where checkpoints go, if anywhere.
     pub(super) checkpoint: Option<&'a Keeper>,
@@ -61,7 +61,7 @@ impl Computed {
     }
 }
 
-impl Task<'_> {
+impl ProblemSolve<'_> {
     /// Solves on what computes; `after` may still ask that for what the solution shows.
     pub(super) fn run<T>(
         &self,

@@ -11,7 +11,7 @@ const SKY_SIZE: [usize; 2] = [512, 256];
 
 /// A combination of lights, as a file.
 #[derive(Serialize)]
-struct Lights {
+struct LightList {
     /// `discs`, or `map`: the pixels of a latitude-longitude picture.
     kind: &'static str,
     /// Columns and rows of the map.
@@ -20,11 +20,11 @@ struct Lights {
     /// Radiance of the sun outside its light map, where that was found, too.
     #[serde(skip_serializing_if = "Option::is_none")]
     sun: Option<Rgb>,
-    lights: Vec<Light>,
+    lights: Vec<LightRecord>,
 }
 
 #[derive(Serialize)]
-struct Light {
+struct LightRecord {
     /// Unit vector to the middle of the light.
     towards: [f64; 3],
     /// In steradians.
@@ -43,12 +43,12 @@ pub(super) fn write_environment(
     exposure: f64,
 ) -> Result<Vec<u8>> {
     let lights = basis.lights().iter().zip(environment.coefficients(basis));
-    let list = Lights {
+    let list = LightList {
         kind: if basis.is_map() { "map" } else { "discs" },
         size: basis.is_map().then(|| basis.lattice()),
         sun,
         lights: lights
-            .map(|(light, radiance)| Light {
+            .map(|(light, radiance)| LightRecord {
                 towards: light.towards.to_array(),
                 solid_angle: light.solid_angle,
                 radiance,

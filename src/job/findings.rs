@@ -7,12 +7,10 @@ use super::machine;
 use super::steps::Timings;
 use crate::Result;
 use crate::operator::Scalars;
-use crate::problem::{Formulation, Problem, RegularizationWeights};
-use crate::report::{
-    self, Certificate, Coverage, Regularization, Report, RowStrategy, Share, Step, StopRecord,
-};
+use crate::problem::{Formulation, Part, Problem, RegularizationWeights};
+use crate::report::{Certificate, Coverage, ProblemSize, Report, RowStrategy, Share, StopRecord};
 use crate::scene::{Rgb, SolveSettings, Target};
-use crate::solve::{Outcome, Progress};
+use crate::solve::Outcome;
 
 /// Everything that a solve has found out.
 #[derive(Clone, Copy)]
@@ -31,7 +29,6 @@ impl Findings<'_> {
         timings: &Timings,
     ) -> Result<Report> {
         let Computed { backend, device, work, storage, adjoint_error, solved, .. } = self.computed;
-        let RegularizationWeights { tikhonov, gradient, laplacian } = solved.weights;
         Ok(Report {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: command.to_owned(),
@@ -57,9 +54,10 @@ impl Findings<'_> {
                 walked_rows: storage.walked_rows as u64,
             },
             problem: self.size()?,
-            regularization: Regularization { tikhonov, laplacian, gradient },
+            nouns: self.problem.nouns(),
+            regularization: solved.weights,
             settings: self.settings_in_words()?,
-            history: solved.outcome.history.progress.iter().map(step).collect(),
+            history: solved.outcome.history.progress.clone(),
             certificate: self.certificate()?,
             set_up_applications: solved.set_up_applications as u64,
             stop: self.stop(),
@@ -72,13 +70,14 @@ impl Findings<'_> {
         })
     }
 
-    pub(crate) fn size(&self) -> Result<report::Problem> {
+    pub(crate) fn size(&self) -> Result<ProblemSize> {
         let Computed { storage, solved, .. } = self.computed;
         let formulation = self.formulation()?;
         let lattice = formulation.parts.first().and_then(|part| part.lattice);
-        Ok(report::Problem {
+        Ok(ProblemSize {
             rows: self.problem.rows() as u64,
             unknowns: self.problem.candidates() as u64,
+            elements: nouns(&formulation.parts),
             active_unknowns: solved.columns.len() as u64,
             nonzeros: match storage.walked_rows {
                 0 => storage.kept_nonzeros,
@@ -185,11 +184,11 @@ impl Findings<'_> {
         skipped.into_iter().map(share).collect()
     }
 
-    /// Of what has a place: a light around a light map is in every row.
+    /// How far rows reach the elements that have a place; those without, such as lights around a light map, are in every row.
     fn covered(&self) -> Result<Coverage> {
         let Computed { coverage, solved, .. } = self.computed;
         let formulation = self.formulation()?;
-        let (mut total, mut of_elements, mut weak) = (self.problem.candidates(), 0, 0);
+        let (mut total, mut reached_elements, mut weak) = (self.problem.candidates(), 0, 0);
         for (elements, part) in formulation.ranges() {
             if part.lattice.is_none() {
                 total -= elements.len();
@@ -198,11 +197,13 @@ impl Findings<'_> {
             // Where the data weigh less than the regularization, the start decides.
             let most = |squares: &Rgb| f64::from(squares[0].max(squares[1]).max(squares[2]));
             let is_weak = |squares: &&Rgb| most(squares) > 0.0 && most(squares) < solved.weights.tikhonov;
-            of_elements += reached(&coverage.0[elements.clone()]);
+            reached_elements += reached(&coverage.0[elements.clone()]);
             weak += coverage.0[elements].iter().filter(is_weak).count();
         }
-        let (total, reached) = (total as u64, of_elements);
+        let (total, reached) = (total as u64, reached_elements);
+        let placed = formulation.parts.iter().filter(|part| part.lattice.is_some());
         Ok(Coverage {
+            elements: nouns(placed),
             reached,
             total,
             unreached: total - reached,
@@ -210,6 +211,13 @@ impl Findings<'_> {
             weak: Some(weak as u64),
         })
     }
+}
+
+/// What the elements of some parts are, such as `texels and lights`.
+fn nouns<'a>(parts: impl IntoIterator<Item = &'a Part<'a>>) -> String {
+    let mut nouns: Vec<&str> = parts.into_iter().map(|part| part.noun).collect();
+    nouns.dedup();
+    nouns.join(" and ")
 }
 
 /// How many of some elements a row reaches, given the squares of their weights.
@@ -224,14 +232,4 @@ fn is_reached(squares: &Rgb) -> bool {
 /// How many of how many, as reports have it.
 pub(crate) fn share((name, [count, of]): (&'static str, [usize; 2])) -> (String, Share) {
     (name.to_owned(), Share { count: count as u64, of: of as u64 })
-}
-
-fn step(entry: &Progress) -> Step {
-    Step {
-        iteration: entry.iteration as u64,
-        seconds: entry.seconds,
-        operator_applications: entry.operator_applications as u64,
-        residual: entry.residual,
-        normal_residual: entry.normal_residual,
-    }
 }

@@ -81,7 +81,7 @@ fn failed(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> E
 
 /// The pictures of one view.
 #[derive(Debug)]
-pub(crate) struct ViewPictures {
+pub(crate) struct ViewImages {
     pub(crate) name: String,
     /// What the strokes ask for: the picture before, its scattered light replaced where it is painted.
     pub(crate) target: Image,
@@ -100,7 +100,7 @@ pub(crate) struct Painted {
     pub(crate) after: Rgb,
 }
 
-impl ViewPictures {
+impl ViewImages {
     pub(crate) fn new(name: &str, painted: impl Iterator<Item = Painted>, rendering: Rendering) -> Self {
         let Rendering { before, after } = rendering;
         let mut target = before.clone();

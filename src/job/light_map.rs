@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use super::Options;
 use super::checkpoint::Keeper;
-use super::compute::{Computed, Task};
+use super::compute::{Computed, ProblemSolve};
 use super::engine::Engine;
 use super::environment::write_environment;
 use super::findings::{Findings, reached};
-use super::folder::{Folder, Painted, ViewPictures};
-use super::memory::{Memory, painted};
+use super::folder::{Folder, Painted, ViewImages};
+use super::memory::{MemoryBudget, painted};
 use super::placement::Placement;
 use super::steps::{Steps, Timings};
 use crate::operator::CpuVector;
@@ -28,7 +28,7 @@ pub(crate) struct FoundLightMap {
     /// Before and after.
     assessments: [Assessment; 2],
     /// None where no pictures were asked for.
-    pub(crate) pictures: Vec<ViewPictures>,
+    pub(crate) pictures: Vec<ViewImages>,
 }
 
 /// Solves a scene; checkpoints and previews go to the folder, if there is one.
@@ -41,7 +41,7 @@ pub(super) fn solve(
 ) -> Result<FoundLightMap> {
     steps.begin("tracing", None);
     let problem = trace(scene, engine, options.rasterize)?;
-    let memory = Memory::of_light_map(scene);
+    let memory = MemoryBudget::of_light_map(scene);
     let settings = memory.settled(scene.solve.clone(), &problem)?;
     let keeper = |folder| Keeper::new(folder, "checkpoint", &settings, &problem);
     let checkpoint = folder.map(keeper).transpose()?;
@@ -49,7 +49,7 @@ pub(super) fn solve(
         Some(checkpoint) if options.resume => Some(checkpoint.read()?),
         _ => None,
     };
-    let task = Task {
+    let task = ProblemSolve {
         problem: &problem,
         settings: &settings,
         memory: &memory,
@@ -124,7 +124,7 @@ impl FoundLightMap {
         let views = self.pictures.iter().map(|view| view.write(folder, scene.exposure));
         let in_page = report::Pictures {
             views: views.collect::<Result<_>>()?,
-            light_map: folder.write_picture("light_map", &self.light_map()?, exposure_of(problem))?,
+            light_map: Some(folder.write_picture("light_map", &self.light_map()?, exposure_of(problem))?),
             coverage: Some(folder.write_png(
                 "coverage",
                 &coverage_picture(problem, &computed.coverage)?,
@@ -174,7 +174,7 @@ fn draw(
     elements: &[Rgb],
     [before, after]: &[Assessment; 2],
     steps: &mut Steps<'_>,
-) -> Result<Vec<ViewPictures>> {
+) -> Result<Vec<ViewImages>> {
     let draw_view = |view: usize| {
         let rendering = render(scene, &problem.maps, Some(elements), view)?;
         let width = scene.views[view].camera.size()[0];
@@ -187,7 +187,7 @@ fn draw(
             wanted: problem.wanted(row),
             after: after.shown[row],
         });
-        let pictures = ViewPictures::new(&scene.views[view].name, painted, rendering);
+        let pictures = ViewImages::new(&scene.views[view].name, painted, rendering);
         steps.advance(view as u64 + 1, "");
         Ok(pictures)
     };

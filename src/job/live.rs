@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DAffine3;
 
 use super::engine::{Engine, On};
-use super::memory::Memory;
+use super::memory::MemoryBudget;
 use super::observer::Stop;
 use super::{Job, Options};
 #[cfg(feature = "gpu")]
@@ -62,7 +62,7 @@ pub struct LiveJob {
     problem: LightMapProblem,
     engine: Engine,
     warm: Warm,
-    memory: Memory,
+    memory: MemoryBudget,
     deterministic: bool,
     /// All elements as they are.
     x: Vec<Rgb>,
@@ -107,7 +107,7 @@ impl LiveJob {
         let pairs = scene.views.iter().zip(&widths);
         let scales = pairs.map(|(view, &full)| view.camera.size()[0] as f32 / full as f32).collect();
         let problem = LightMapProblem::of(&scene, &geometry, pixels(&scene)?, &Traced)?;
-        let memory = Memory::of_light_map(&scene);
+        let memory = MemoryBudget::of_light_map(&scene);
         let settings = memory.settled(scene.solve.clone(), &problem)?;
         let warm = engine
             .run(None, false, None, |on, _| Warm::new(&problem, on, (&settings, &memory), deterministic))?;
@@ -305,7 +305,7 @@ impl Warm {
     fn new(
         problem: &LightMapProblem,
         on: On,
-        (settings, memory): (&SolveSettings, &Memory),
+        (settings, memory): (&SolveSettings, &MemoryBudget),
         deterministic: bool,
     ) -> Result<Self> {
         let budget = memory.budget(settings, problem)?;

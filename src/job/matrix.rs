@@ -1,6 +1,6 @@
 //! The matrix of a problem, for other programs.
 
-use super::memory::{Memory, painted};
+use super::memory::{MemoryBudget, painted};
 use super::steps::Steps;
 use super::volume::{self, nothing_asked};
 use super::{Folder, Job, Scenes};
@@ -66,7 +66,7 @@ pub(super) fn of(job: &Job, steps: &mut Steps<'_>) -> Result<Exported> {
             ];
             check_grey(problem.is_grey(), surroundings)?;
             steps.begin("walking", None);
-            let most = Memory::of_light_map(scene).budget(&scene.solve, &problem)? / BYTES;
+            let most = MemoryBudget::of_light_map(scene).budget(&scene.solve, &problem)? / BYTES;
             let widths = scene.views.iter().map(|view| view.camera.size()[0]);
             exported(&problem, problem.explicit(most)?, problem.starts(), widths.collect())
         }
@@ -80,7 +80,7 @@ pub(super) fn of(job: &Job, steps: &mut Steps<'_>) -> Result<Exported> {
             ];
             check_grey(problem.is_grey(), volume)?;
             steps.begin("walking", None);
-            let most = Memory::of_volume(&scene).budget(&scene.solve, &problem)? / BYTES;
+            let most = MemoryBudget::of_volume(&scene).budget(&scene.solve, &problem)? / BYTES;
             let matrix = ExplicitMatrix::new::<1>(&problem.over_all_voxels(), most)?;
             let widths = scene.views.iter().map(|view| view.view.camera.size()[0]);
             exported(&problem, matrix, problem.all_starts(&scene.medium), widths.collect())

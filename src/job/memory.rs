@@ -14,14 +14,14 @@ const PAINTED: usize = size_of::<[f32; 4]>();
 
 /// Bytes that may be used, and what of them a scene takes.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Memory {
+pub(crate) struct MemoryBudget {
     pub(crate) allowed: u64,
     scene: u64,
     /// What a person can do where that is not enough.
     remedy: &'static str,
 }
 
-impl Memory {
+impl MemoryBudget {
     /// For a light map: what is painted on the views, and four pictures of each.
     pub(crate) fn of_light_map(scene: &Scene) -> Self {
         let remedy = match scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()) {
@@ -135,7 +135,7 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<()> {
         + len(scene.shadow_map.size) * ShadowMap::TEXEL
         + len(scene.light_map.size) * COLOR;
     let needed = sky_bytes(scene).saturating_add(bytes as u64);
-    Memory::of_light_map(scene).check("the scene's pictures and maps", needed)
+    MemoryBudget::of_light_map(scene).check("the scene's pictures and maps", needed)
 }
 
 /// The painted pixels of a scene.
@@ -146,7 +146,7 @@ pub(crate) fn painted(scene: &Scene) -> Result<Vec<Constraint>> {
     if let Some(around) = &scene.surroundings {
         // Weights are made row by row, and kept.
         let needed = sky_bytes(scene) + 3 * FurtherWeights::bytes(painted.len(), around.len());
-        Memory::of_light_map(scene).check("the light around the light map", needed)?;
+        MemoryBudget::of_light_map(scene).check("the light around the light map", needed)?;
     }
     Ok(painted)
 }
@@ -158,15 +158,15 @@ fn sky_bytes(scene: &Scene) -> u64 {
 
 /// Errors: [`Error::TooLarge`] when a volume scene alone exceeds what may be used.
 pub(crate) fn check_volume(scene: &VolumeScene) -> Result<()> {
-    let memory = Memory::of_volume(scene);
+    let memory = MemoryBudget::of_volume(scene);
     memory.check("the scene's volumes and pictures", memory.scene)
 }
 
 /// Errors: as [`check_volume`], of all key frames together.
 pub(crate) fn check_keys(keys: &[KeyFrame]) -> Result<()> {
     let Some(first) = keys.first() else { return Ok(()) };
-    let needed = keys.iter().map(|key| Memory::of_volume(&key.scene).scene).sum();
-    Memory::of_volume(&first.scene).check("the volumes and pictures of all key frames", needed)
+    let needed = keys.iter().map(|key| MemoryBudget::of_volume(&key.scene).scene).sum();
+    MemoryBudget::of_volume(&first.scene).check("the volumes and pictures of all key frames", needed)
 }
 
 /// Bytes that diffusion takes a voxel: vectors in f64 over voxels and three edges each, and who lies beside whom.
@@ -177,7 +177,7 @@ pub(crate) fn check_spread(scene: &VolumeScene, voxels: usize) -> Result<()> {
     let [extinction, albedo, emission] =
         [&scene.medium.extinction, &scene.medium.albedo, &scene.medium.emission].map(|of| of.grid().len());
     let needed = SPREAD * voxels * albedo.max(emission).div_ceil(extinction);
-    Memory::of_volume(scene).check("diffusion between the keys", needed as u64)
+    MemoryBudget::of_volume(scene).check("diffusion between the keys", needed as u64)
 }
 
 /// Errors: [`Error::TooLarge`] when the light volumes that a stage would make exceed what may be used.
@@ -185,10 +185,10 @@ pub(crate) fn check_light(scene: &VolumeScene, optics: &Optics, find: Find) -> R
     if find != Find::Environment {
         return Ok(());
     }
-    let memory = Memory::of_volume(scene);
+    let memory = MemoryBudget::of_volume(scene);
     let remedy = "raise solve.memory, or lower environment.lights.count or light_size";
     let needed = memory.scene + light_bytes(scene, optics)?;
-    Memory { remedy, ..memory }.check("one light volume for every light", needed)
+    MemoryBudget { remedy, ..memory }.check("one light volume for every light", needed)
 }
 
 fn len(size: [usize; 2]) -> usize {

@@ -40,7 +40,7 @@ use crate::scene::{Scene, VolumeScene};
 use crate::visibility::Geometry;
 use crate::{Error, Result, io};
 
-pub(crate) use asked::Asked;
+pub(crate) use asked::AskedProblem;
 #[cfg(feature = "gpu")]
 pub(crate) use compute::device;
 pub(crate) use engine::Engine;

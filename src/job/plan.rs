@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::asked::Asked;
+use super::asked::AskedProblem;
 use super::findings::share;
 use crate::Result;
 use crate::operator::{LinearOperator, Vector};
@@ -25,7 +25,7 @@ pub struct Plan {
     pub scene: String,
     /// What is looked for.
     pub find: &'static str,
-    /// What is looked for one by one, such as `texels`.
+    /// What the elements are, such as `texels`.
     pub unit: &'static str,
     /// The scene's views.
     pub views: usize,
@@ -33,12 +33,14 @@ pub struct Plan {
     pub pixels: usize,
     /// Pixels of which something is wanted.
     pub rows: usize,
-    /// What could be an unknown.
+    /// Elements that could be looked for.
     pub candidates: usize,
-    /// What is one, if a row reaches it.
+    /// Elements that are looked for, as far as a row reaches them.
     pub unknowns: usize,
-    /// Those of them that are light around a light map.
+    /// Those of them that have no place beside others, such as lights around a light map.
     pub surrounding_unknowns: usize,
+    /// What those are; empty where there are none.
+    pub surrounding_unit: &'static str,
     /// What is not computed because nothing depends on it.
     pub skipped: BTreeMap<String, Share>,
     /// Bytes of what rays meet: shadow maps, light volumes, weights beside the matrix.
@@ -64,8 +66,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    pub(super) fn of(asked: Asked) -> Result<Self> {
-        let Asked { scene, find, views, pixels, problem, settings, memory, seconds } = asked;
+    pub(super) fn of(asked: AskedProblem) -> Result<Self> {
+        let AskedProblem { scene, find, views, pixels, problem, settings, memory, seconds } = asked;
         let (budget, bytes) = (memory.budget(&settings, &*problem)?, problem.kept_bytes());
         // Lights that do not fit are not kept in part: light volumes take their place.
         let walked = problem.sampled(1).on_cpu(Strategy::MatrixFree, budget)?.storage();
@@ -81,6 +83,7 @@ impl Plan {
             rows: problem.rows(),
             candidates: problem.candidates(),
             unknowns: formulation.elements(),
+            surrounding_unit: around.clone().next().map_or("", |part| part.noun),
             surrounding_unknowns: around.map(|part| part.start.len()).sum(),
             skipped: problem.skipped().into_iter().map(share).collect(),
             prepared_bytes: problem.prepared_bytes(),

@@ -102,7 +102,7 @@ impl Solution {
         let state = match &self.found {
             Found::LightMap(..) => None,
             Found::Volume(_, found) => Some(found.state()),
-            Found::Animation(found) => found.first().map(|key| &key.state),
+            Found::Animation(found) => found.first().map(|key| key.state()),
         };
         state.ok_or_else(|| Error::Empty {
             reason: "no volume was looked for".to_owned(),

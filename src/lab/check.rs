@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::Result;
-use crate::job::{Asked, Engine, EngineChoice, Job, Observer, Scenes, Step, Steps, Stop};
+use crate::job::{AskedProblem, Engine, EngineChoice, Job, Observer, Step, Steps, Stop};
 use crate::operator::{CpuVector, LinearOperator, TransportOperator, Vector, adjoint_test};
 use crate::problem::Problem;
 use crate::scene::{Rgb, SolveSettings, Strategy};
@@ -56,10 +56,9 @@ pub fn check(job: &Job, engine: &EngineChoice, observer: &mut impl Observer) -> 
     let engine = Engine::open(engine, &stop)?;
     let scenes = job.scenes();
     let all = scenes.asked(&scenes.geometry()?, &mut Steps::new(observer, &stop, Vec::new()))?;
-    let checks = all.into_iter().map(|Asked { scene, find, problem, .. }| {
+    let checks = all.into_iter().map(|AskedProblem { scene, find, problem, .. }| {
         observer.begins(&Step { name: "checking", within: "", parts: None });
-        let name = if matches!(scenes, Scenes::LightMap(_)) { scene } else { format!("{scene}, {find}") };
-        checked(&name, &*problem.sampled(ROWS), &engine)
+        checked(&format!("{scene}, {find}"), &*problem.sampled(ROWS), &engine)
     });
     checks.collect()
 }

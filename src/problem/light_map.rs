@@ -7,7 +7,7 @@ use super::extents::fit_to;
 use super::fill::fill;
 #[cfg(feature = "gpu")]
 use super::looked_for::on_gpu;
-use super::looked_for::{explicit, on_host, row_of};
+use super::looked_for::{Nouns, explicit, on_host, row_of};
 use super::solved::not_finite;
 use super::surfaces::lengths;
 use super::surroundings::AllLight;
@@ -393,6 +393,11 @@ impl Problem for LightMapProblem {
             ("shadowed_cells", [(texels - lit) as usize, texels as usize]),
             ("dark_rays", [cut, self.rows()]),
         ]
+    }
+
+    fn nouns(&self) -> Nouns {
+        let found = if self.further_start.is_empty() { "light map" } else { "light" };
+        Nouns::new(found, "painted pixel", "paint")
     }
 
     fn settings_in_words(&self) -> Vec<(&'static str, String)> {

@@ -1,5 +1,8 @@
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fmt::Debug;
+
+use serde::{Deserialize, Serialize};
 
 use super::{Formulation, Solved, evenly};
 use crate::Result;
@@ -102,6 +105,9 @@ pub trait Problem: Debug + Send + Sync {
     /// What is not computed because nothing depends on it, by the names of reports: how many, of how many.
     fn skipped(&self) -> Vec<(&'static str, [usize; 2])>;
 
+    /// What reports call its things; elements are called by [`super::Part::noun`].
+    fn nouns(&self) -> Nouns;
+
     /// Settings of rays and elements, by name, in words.
     fn settings_in_words(&self) -> Vec<(&'static str, String)>;
 
@@ -125,6 +131,30 @@ pub trait Problem: Debug + Send + Sync {
     /// Bytes that keeping all rows takes on the processor, foreseen.
     fn kept_bytes(&self) -> u64 {
         kept_bytes::<f32>(self.plan(), if self.is_grey() { 1 } else { 3 })
+    }
+}
+
+/// What reports call the things of a problem.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Nouns {
+    /// What is found, such as `light map`.
+    pub found: Cow<'static, str>,
+    /// A pixel of which something is wanted, such as `painted pixel`.
+    pub pixel: Cow<'static, str>,
+    /// What such pixels are compared with, such as `paint`.
+    pub wanted: Cow<'static, str>,
+}
+
+impl Nouns {
+    pub(super) fn new(found: &'static str, pixel: &'static str, wanted: &'static str) -> Self {
+        Self { found: found.into(), pixel: pixel.into(), wanted: wanted.into() }
+    }
+}
+
+impl Default for Nouns {
+    fn default() -> Self {
+        Self::new("solution", "wanted pixel", "target")
     }
 }
 

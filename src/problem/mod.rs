@@ -29,7 +29,7 @@ pub use evenly::evenly;
 pub use extents::{Maps, fit, fitted_grids};
 pub use formulation::{Formulation, Lattice, Part, Start};
 pub use light_map::LightMapProblem;
-pub use looked_for::{Problem, Unskipped};
+pub use looked_for::{Nouns, Problem, Unskipped};
 pub use painting::paint;
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;

@@ -1,5 +1,7 @@
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::Formulation;
 use crate::operator::{
     Blocks, Bounds, CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Metric, Neighbours,
@@ -9,15 +11,16 @@ use crate::scene::{MetricName, RegularizationWeight, Rgb, SolveSettings};
 use crate::solve::{LeastSquares, Limits, Rule, Term, choose_weight};
 use crate::{Error, Result};
 
-/// λ of the regularizers, as they multiply ½‖·‖².
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+/// λ of the regularizers, as they multiply ½‖·‖²; zero where one is not used.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct RegularizationWeights {
     /// Of the distance to the start.
     pub tikhonov: f64,
+    /// Of the sums of differences around an element.
+    pub laplacian: f64,
     /// Of the differences between neighbours.
     pub gradient: f64,
-    /// Of their sums around an element.
-    pub laplacian: f64,
 }
 
 /// `[W T E; √λᵢ Rᵢ] x = [W b; √λᵢ Rᵢ x₀]`, with all that a method needs to solve it.

@@ -1,7 +1,6 @@
 //! The frame of a chart: where values lie in it, and its lines and numbers.
 
-use super::plot::Spacing;
-use super::ticks::Scale;
+use super::ticks::{AxisScale, Spacing};
 use super::words::escaped;
 
 pub(super) const TEXT: &str = "#83898f";
@@ -21,8 +20,8 @@ pub(super) struct Axes {
     pub(super) frame: [f64; 4],
     /// The part of a side that is left free at its ends, so that the outermost marks are whole.
     pub(super) inset: f64,
-    x: Scale,
-    y: Scale,
+    x: AxisScale,
+    y: AxisScale,
 }
 
 impl Axes {
@@ -33,7 +32,7 @@ impl Axes {
         spacing: [Spacing; 2],
         points: impl Iterator<Item = [f64; 2]> + Clone,
     ) -> Self {
-        let scale = |axis: usize| Scale::of(points.clone().map(|point| point[axis]), spacing[axis]);
+        let scale = |axis: usize| AxisScale::of(points.clone().map(|point| point[axis]), spacing[axis]);
         Self { frame, inset, x: scale(0), y: scale(1) }
     }
 

@@ -3,6 +3,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::problem::{Nouns, RegularizationWeights};
+use crate::solve::Progress;
 use crate::{Error, Result};
 
 /// Everything that a run has to say about itself; `report.json` is this, field by field.
@@ -31,23 +33,24 @@ pub struct Report {
     pub solver: String,
     /// Which rows were kept and which were walked again in each application.
     pub strategy: RowStrategy,
+    /// What the things of the problem are called.
+    pub nouns: Nouns,
     /// How large the problem was.
-    pub problem: Problem,
+    pub problem: ProblemSize,
     /// The λ that multiply ½‖·‖².
-    pub regularization: Regularization,
+    pub regularization: RegularizationWeights,
     /// The other settings, by name, in words.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, String>,
     /// One entry an iteration; the first is the start.
-    pub history: Vec<Step>,
+    pub history: Vec<Progress>,
     /// Why and when it stopped.
     pub stop: StopRecord,
     /// How near the end is to a solution.
     pub certificate: Certificate,
-    /// Applications of `T` and `Tᵀ` before the first iteration that the history does not count: for
-    /// the metric and the choice of λ.
+    /// Applications of `T` and `Tᵀ` for the metric and the choice of λ; the history does not count them.
     pub set_up_applications: u64,
-    /// √(Σ w ‖L − L*‖² / Σ w ‖L*‖²) over all painted pixels, L the scattered radiance, L* the wanted one, w the alpha.
+    /// √(Σ w ‖L − L*‖² / Σ w ‖L*‖²) over all pixels of which something is wanted: L the radiance, L* the wanted one, w the alpha.
     pub weighted_residual: Change,
     /// The same and more, view by view.
     #[serde(rename = "match")]
@@ -61,15 +64,15 @@ pub struct Report {
     pub skipped: BTreeMap<String, Share>,
     /// `|⟨Tx,y⟩ − ⟨x,Tᵀy⟩| / (‖Tx‖‖y‖)` for random x and y.
     pub adjoint_error: f64,
-    /// Which unknowns the painted pixels determine.
+    /// Which elements the rows determine.
     pub coverage: Coverage,
     /// What was found around the light map, where that was looked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub surroundings: Option<SurroundingsRecord>,
-    /// What was looked for in turn, where that was more than one thing or a volume; the numbers above are of the last.
+    /// The stages, where there are any: what was looked for in turn. The numbers above are then of the last stage.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageRecord>,
-    /// The frames, where there are several; `stages` and `match` are then of all keys, and the other numbers of the last.
+    /// The frames, where there are several. `stages` and `match` are then of all keys, and the other numbers of the last key.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub animation: Option<AnimationRecord>,
 }
@@ -96,13 +99,13 @@ pub struct KeyRecord {
     pub frame: u64,
     /// How far its pictures were from what was wanted, and how far they are.
     pub weighted_residual: Change,
-    /// Voxels that no wanted ray reaches and that diffusion has filled, of all properties together.
+    /// Voxels that diffusion has filled because no row reaches them, of all properties together.
     pub spread_voxels: u64,
-    /// Steps of conjugate gradients that it took.
+    /// Steps of conjugate gradients that diffusion took.
     pub spread_iterations: u64,
 }
 
-/// One property that was looked for.
+/// One thing that was looked for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct StageRecord {
@@ -113,10 +116,10 @@ pub struct StageRecord {
     pub find: String,
     /// Counted from 1.
     pub round: u64,
-    /// Whether what was found was kept: in rounds, only what brings the pictures no farther away.
+    /// Whether what was found was kept: in rounds only where the pictures came no farther away.
     pub is_taken: bool,
     /// How large the problem was.
-    pub problem: Problem,
+    pub problem: ProblemSize,
     /// How far the pictures were from what was wanted, and how far they are, under the model of the stage.
     pub weighted_residual: Change,
     /// Why and when it stopped.
@@ -126,12 +129,7 @@ pub struct StageRecord {
 }
 
 impl StageRecord {
-    /// What its unknowns are.
-    pub fn unknowns(&self) -> &'static str {
-        if self.find == "environment" { "lights" } else { "voxels" }
-    }
-
-    /// What is looked for, and at which frame.
+    /// What was looked for, and at which frame.
     pub fn label(&self) -> String {
         self.frame.map_or(self.find.clone(), |frame| format!("frame {frame}, {}", self.find))
     }
@@ -144,7 +142,7 @@ impl Default for StageRecord {
             find: String::new(),
             round: 1,
             is_taken: true,
-            problem: Problem::default(),
+            problem: ProblemSize::default(),
             weighted_residual: Change::default(),
             stop: StopRecord::default(),
             certificate: Certificate::default(),
@@ -195,7 +193,7 @@ impl SurroundingsRecord {
 pub struct Work {
     /// How often the processor has waited for it.
     pub round_trips: u64,
-    /// The same an iteration of the solve; none for a solve of one iteration.
+    /// Round trips an iteration of the solve; none for a solve of one iteration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub round_trips_an_iteration: Option<f64>,
     /// Kernels that it ran.
@@ -221,48 +219,22 @@ pub struct RowStrategy {
 /// How large the problem was.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Problem {
-    /// Constraint pixels.
+pub struct ProblemSize {
+    /// Pixels of which something is wanted.
     pub rows: u64,
-    /// Texels or voxels, reached or not.
+    /// What could be found, reached or not.
     pub unknowns: u64,
-    /// Those that a painted ray reaches.
+    /// What those are, such as `texels`.
+    pub elements: String,
+    /// Those that a row reaches.
     pub active_unknowns: u64,
     /// Pairs (row, unknown) with a weight.
     pub nonzeros: u64,
-    /// Views with paint on them.
+    /// Views that have such pixels.
     pub views: u64,
-    /// Width and height of the unknown, then its depth if it has one.
+    /// Width and height of what is found, then its depth if it has one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub size: Vec<u64>,
-}
-
-/// The λ that multiply ½‖·‖²; zero where a term is not used.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Regularization {
-    /// Of the distance to the start.
-    pub tikhonov: f64,
-    /// Of the second differences.
-    pub laplacian: f64,
-    /// Of the first differences.
-    pub gradient: f64,
-}
-
-/// The state after one iteration.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Step {
-    /// Number of the iteration; 0 is the start.
-    pub iteration: u64,
-    /// Seconds since the solve began.
-    pub seconds: f64,
-    /// Applications of `T` and of `Tᵀ` so far, together.
-    pub operator_applications: u64,
-    /// Norm of the residual relative to the start, a channel; 0 where the start was already exact.
-    pub residual: [f64; 3],
-    /// Norm of the gradient relative to the start, a channel; 0 where the start was already optimal.
-    pub normal_residual: [f64; 3],
 }
 
 /// Why and when a solve stopped.
@@ -285,7 +257,7 @@ pub struct Certificate {
     pub value: [f64; 3],
     /// `‖b − A x‖` relative to the start, a channel.
     pub residual: [f64; 3],
-    /// Reached texels with a channel at a bound.
+    /// Reached elements with a channel at a bound.
     pub at_bounds: u64,
     /// How often the method began again, because what it believed had parted from the truth.
     pub restarts: u64,
@@ -301,23 +273,23 @@ pub struct Change {
     pub after: f64,
 }
 
-/// How well one view came to match what was painted on it.
+/// How well one view came to match what was wanted of it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ViewMatch {
     /// Name of the view.
     pub view: String,
-    /// Pixels with paint.
+    /// Pixels of which something is wanted.
     pub painted_pixels: u64,
-    /// The same over them.
+    /// [`Report::weighted_residual`] over them alone.
     pub weighted_residual: Change,
-    /// Their mean error of hue in degrees; none where the paint has no hue.
+    /// Their mean error of hue in degrees; none where hues are not compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hue_error: Option<Change>,
-    /// The same over those that no other view contradicts.
+    /// The same error of those pixels that no other view contradicts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub uncontested_hue_error: Option<Change>,
-    /// How many those are.
+    /// How many pixels no other view contradicts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub uncontested_pixels: Option<u64>,
 }
@@ -332,30 +304,27 @@ pub struct Share {
     pub of: u64,
 }
 
-/// Which unknowns the painted pixels determine.
+/// Which elements the rows determine; of those that lie side by side.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Coverage {
-    /// Unknowns that a painted ray reaches.
+    /// What the elements are, such as `texels`.
+    pub elements: String,
+    /// Elements that a row reaches.
     pub reached: u64,
-    /// All of them.
+    /// All elements.
     pub total: u64,
-    /// Those that no ray reaches: they keep their start value, or are filled.
+    /// Elements that no row reaches: they keep their start value, or are filled.
     pub unreached: u64,
-    /// Those of them that were filled by diffusion from their neighbours.
+    /// How many of the unreached were filled by diffusion from their neighbours.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub filled: Option<u64>,
-    /// Those of the reached whose light hardly arrives, so that the regularization decides.
+    /// How many of the reached weigh so little that the regularization decides.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weak: Option<u64>,
 }
 
 impl Report {
-    /// Whether it is about a volume, not a light map.
-    pub(super) fn is_of_volume(&self) -> bool {
-        ["volume", "animate"].contains(&self.command.as_str())
-    }
-
     /// The text of `report.json`: indented, its fields in the order in which they are declared.
     ///
     /// Errors: [`Error::NonFinite`] with the path of the first number that is a NaN or an infinity, such as
@@ -407,7 +376,7 @@ mod tests {
 
     #[test]
     fn every_field_of_the_contract_is_written() {
-        for report in [example(), Report { history: vec![Step::default()], ..Report::default() }] {
+        for report in [example(), Report { history: vec![Progress::default()], ..Report::default() }] {
             let json: Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
             for pointer in [
                 "/version",
@@ -458,7 +427,7 @@ mod tests {
     fn what_was_written_is_read_back() {
         // Numbers of sixteen digits may come back with another last one; those of the example are shorter,
         // but for its history.
-        let report = Report { history: vec![Step { iteration: 1, ..Step::default() }], ..example() };
+        let report = Report { history: vec![Progress { iteration: 1, ..Progress::default() }], ..example() };
         let text = report.to_json().unwrap();
         assert_eq!(serde_json::from_str::<Report>(&text).unwrap(), report);
         let other = text.replacen("\"iteration\": 1,", "\"iteration\": 99,", 1);

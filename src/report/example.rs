@@ -1,11 +1,12 @@
 use super::data::{
-    Certificate, Change, Coverage, Problem, Regularization, Report, RowStrategy, Share, Step, StopRecord,
-    ViewMatch, Work,
+    Certificate, Change, Coverage, ProblemSize, Report, RowStrategy, Share, StopRecord, ViewMatch, Work,
 };
+use crate::problem::{Nouns, RegularizationWeights};
+use crate::solve::Progress;
 
 /// A filled report of an invented solve, for tests, examples and the documentation.
 ///
-/// Three views (`front`, `aisle`, `window`), every optional field present, the same numbers every time.
+/// It has three views (`front`, `aisle`, `window`), and the same numbers every time.
 pub fn example() -> Report {
     Report {
         surroundings: None,
@@ -26,7 +27,9 @@ pub fn example() -> Report {
         target: "tint".into(),
         solver: "fista".into(),
         strategy: RowStrategy { name: "mixed".into(), kept_rows: 38_912, walked_rows: 2_326 },
-        problem: Problem {
+        nouns: Nouns { found: "light map".into(), pixel: "painted pixel".into(), wanted: "paint".into() },
+        problem: ProblemSize {
+            elements: "texels".into(),
             rows: 41_238,
             unknowns: 262_144,
             active_unknowns: 148_377,
@@ -34,7 +37,7 @@ pub fn example() -> Report {
             views: 3,
             size: vec![512, 512],
         },
-        regularization: Regularization { tikhonov: f64::powi(2.0, -9), laplacian: 0.0, gradient: 0.0 },
+        regularization: RegularizationWeights { tikhonov: f64::powi(2.0, -9), laplacian: 0.0, gradient: 0.0 },
         settings: named([
             ("basis", "bilinear".to_string()),
             ("quadrature", "exact, cell by cell".to_string()),
@@ -76,13 +79,13 @@ pub fn example() -> Report {
             ("pixels", Share { count: 2_723_562, of: 2_764_800 }),
             ("unknowns", Share { count: 113_767, of: 262_144 }),
             ("shadowed_cells", Share { count: 9_102_345, of: 24_518_002 }),
-            ("lit_cells", Share { count: 7_930_112, of: 24_518_002 }),
-            ("dark_cells", Share { count: 311_407, of: 24_518_002 }),
+            ("dark_rays", Share { count: 2_311, of: 41_238 }),
             ("channel_iterations", Share { count: 5, of: 54 }),
             ("walks", Share { count: 1_478_656, of: 1_567_044 }),
         ]),
         adjoint_error: 2.4e-8,
         coverage: Coverage {
+            elements: "texels".into(),
             reached: 148_377,
             total: 262_144,
             unreached: 113_767,
@@ -113,11 +116,11 @@ fn views() -> Vec<ViewMatch> {
 
 /// A residual that falls to where the strokes contradict each other, and a gradient that goes on falling,
 /// not quite evenly, as that of conjugate gradients does.
-fn step(iteration: u64) -> Step {
+fn step(iteration: usize) -> Progress {
     let k = iteration as f64;
     let channel = |floor: f64, rate: f64| floor + (1.0 - floor) * (-rate * k).exp();
     let wave = |rate: f64, phase: f64| (-rate * k + 0.35 * ((1.7 * k + phase).sin() - phase.sin())).exp();
-    Step {
+    Progress {
         iteration,
         seconds: 0.022 * k,
         operator_applications: 2 * iteration + 1,

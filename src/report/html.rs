@@ -3,9 +3,10 @@
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::data::{AnimationRecord, Change, Report, StageRecord, ViewMatch};
+use super::data::{Change, Coverage, KeyRecord, Report, StageRecord, ViewMatch};
 use super::page;
-use super::words::{Nouns, count, counted, degrees, escaped, percent};
+use super::words::{count, counted, degrees, escaped, number, percent, share};
+use crate::problem::Nouns;
 use crate::{Error, Result};
 
 /// The pictures of a page, each a PNG file in memory.
@@ -13,15 +14,15 @@ use crate::{Error, Result};
 pub struct Pictures {
     /// One entry a view, in the order of the page.
     pub views: Vec<ViewPictures>,
-    /// The light map that was found.
-    pub light_map: Vec<u8>,
+    /// The light map that was found, if one was looked for.
+    pub light_map: Option<Vec<u8>>,
     /// How strongly the painted pixels determine each of its texels.
     pub coverage: Option<Vec<u8>>,
-    /// What was found from all around, in place of a light map.
+    /// What was found from all around, the first picture from the front.
     pub turntable: Vec<Vec<u8>>,
-    /// Some frames of an animation, small: their numbers and pictures.
+    /// Some frames of an animation, each its number and a small picture.
     pub frames: Vec<(u64, Vec<u8>)>,
-    /// The light around it as a latitude-longitude picture, where that was found.
+    /// The light from everywhere as a latitude-longitude picture, where that was found.
     pub environment: Option<Vec<u8>>,
 }
 
@@ -30,13 +31,13 @@ pub struct Pictures {
 pub struct ViewPictures {
     /// Name of the view, the same as in [`ViewMatch::view`].
     pub name: String,
-    /// What was painted.
+    /// What is wanted.
     pub target: Vec<u8>,
     /// The view under the start.
     pub before: Vec<u8>,
     /// The view under what was found.
     pub after: Vec<u8>,
-    /// How far the scattered light misses what was painted.
+    /// How far the picture misses what is wanted.
     pub difference: Vec<u8>,
 }
 
@@ -77,62 +78,86 @@ fn head(report: &Report) -> String {
     )
 }
 
-/// What was found: a light map, or a volume from all around.
+/// What was found, as far as there are pictures of it, and how it was found.
 fn found(report: &Report, pictures: &Pictures) -> Result<String> {
-    if report.is_of_volume() { volume(report, pictures) } else { light_map(report, pictures) }
-}
-
-fn volume(report: &Report, pictures: &Pictures) -> Result<String> {
-    let turns: String = pictures
-        .turntable
-        .iter()
-        .enumerate()
-        .map(|(index, png)| {
-            let angle = degrees(360.0 * index as f64 / pictures.turntable.len() as f64);
-            figure("turn", &angle, "", &format!("turntable[{index}]"), png)
-        })
-        .collect::<Result<_>>()?;
-    let strip: String = pictures
-        .frames
-        .iter()
-        .enumerate()
-        .map(|(index, (frame, png))| {
-            let is_key = |animation: &AnimationRecord| animation.keys.iter().any(|key| key.frame == *frame);
-            let note = if report.animation.as_ref().is_some_and(is_key) { "key" } else { "" };
-            figure("turn", &format!("Frame {frame}"), note, &format!("frames[{index}]"), png)
-        })
-        .collect::<Result<_>>()?;
-    let turns = turns + &strip;
-    let has_rounds = report.stages.iter().any(|stage| stage.round > 1);
-    let stages: String = report.stages.iter().map(|record| stage(record, has_rounds)).collect();
-    let environment = environment(pictures)?;
-    let turns = match turns.is_empty() {
-        true => turns,
-        false => format!("<div class=\"turns\">\n{turns}</div>\n"),
+    let light_map = match &pictures.light_map {
+        Some(png) => figure("found", "The light map", "what the light passes through", "light_map", png)?,
+        None => String::new(),
     };
-    let of_lights = report.stages.last().is_some_and(|last| last.unknowns() == "lights");
+    let reach = match &pictures.coverage {
+        Some(png) => figure("coverage", "Coverage", "how strongly the pixels determine it", "coverage", png)?,
+        None => String::new(),
+    };
+    let coverage = coverage(report);
+    let maps = match light_map.is_empty() {
+        true => coverage,
+        false => format!(
+            "<div class=\"maps\">\n{light_map}<div class=\"beside\">\n{coverage}{reach}</div>\n</div>\n"
+        ),
+    };
+    let around = match &report.surroundings {
+        Some(found) => format!("<p>Around the light map: {}.</p>\n", escaped(&found.in_words())),
+        None => String::new(),
+    };
     Ok(format!(
-        "<section>\n<h2>Volume</h2>\n{turns}{environment}<table class=\"facts stages\">\n<thead><tr><th>looked for\
-         </th><th>pixels</th><th>unknowns</th><th>iterations</th><th>before</th><th>after</th></tr></thead>\n<tbody>\n{stages}</tbody>\n\
-         </table>\n<p>{}</p>\n</section>\n",
-        unreached(report, if of_lights { "Lights" } else { "Voxels" }),
+        "<section>\n<h2>What was found</h2>\n{}{maps}{around}{}{}</section>\n",
+        turns(report, pictures)?,
+        environment(pictures)?,
+        stages(report),
     ))
 }
 
-/// What became of the unknowns that no wanted ray reaches.
-fn unreached(report: &Report, unknowns: &str) -> String {
-    if let Some(animation) = &report.animation {
-        let filled = animation.keys.iter().map(|key| key.spread_voxels).sum();
-        return format!(
-            "Voxels with extinction at some frame that no wanted ray reaches at a key were filled there by diffusion: {} at all \
-             keys together.",
-            count(filled)
-        );
+/// What was found from all around, and some frames.
+fn turns(report: &Report, pictures: &Pictures) -> Result<String> {
+    let mut turns = String::new();
+    for (index, png) in pictures.turntable.iter().enumerate() {
+        let angle = degrees(360.0 * index as f64 / pictures.turntable.len() as f64);
+        turns += &figure("turn", &angle, "", &format!("turntable[{index}]"), png)?;
     }
+    let keys = report.animation.iter().flat_map(|animation| &animation.keys);
+    for (index, (frame, png)) in pictures.frames.iter().enumerate() {
+        let note = keys.clone().find(|key| key.frame == *frame).map(|key| {
+            let Change { before, after } = key.weighted_residual;
+            format!("key, {} → {} away", percent(before), percent(after))
+        });
+        let (title, path) = (format!("Frame {frame}"), format!("frames[{index}]"));
+        turns += &figure("turn", &title, &note.unwrap_or_default(), &path, png)?;
+    }
+    Ok(if turns.is_empty() { turns } else { format!("<div class=\"turns\">\n{turns}</div>\n") })
+}
+
+/// Which elements the pixels determine, and what became of the others.
+fn coverage(report: &Report) -> String {
+    let Coverage { elements, reached, total, unreached, filled, weak } = &report.coverage;
+    let pixel = escaped(&report.nouns.pixel);
+    let weak = match weak {
+        Some(weak) if *weak > 0 => {
+            format!(" {} of those weigh so little that mostly the regularization decides them.", count(*weak))
+        }
+        _ => String::new(),
+    };
+    let others = match filled {
+        Some(_) => "were filled from their neighbours",
+        None => "keep their start value",
+    };
+    let sum = |of: fn(&KeyRecord) -> u64| {
+        report.animation.iter().flat_map(|animation| &animation.keys).map(of).sum::<u64>()
+    };
+    let spread = match sum(|key| key.spread_voxels) {
+        0 => String::new(),
+        voxels => format!(
+            " At all keys together, diffusion then filled {}, in {}: those with extinction at some frame that no {pixel} reaches.",
+            counted(voxels, "voxel"),
+            counted(sum(|key| key.spread_iterations), "iteration")
+        ),
+    };
     format!(
-        "{unknowns} that no wanted ray reaches keep their start value: {} of {}.",
-        count(report.coverage.unreached),
-        count(report.coverage.total),
+        "<p>The {pixel}s reach {} of {} {} ({}).{weak} The other {} {others}: no {pixel} says anything about them.{spread}</p>\n",
+        count(*reached),
+        count(*total),
+        escaped(elements),
+        percent(share(*reached, *total)),
+        count(*unreached),
     )
 }
 
@@ -144,77 +169,51 @@ fn environment(pictures: &Pictures) -> Result<String> {
     Ok(figure.transpose()?.unwrap_or_default())
 }
 
+/// The table of what was looked for in turn, where there are stages.
+fn stages(report: &Report) -> String {
+    if report.stages.is_empty() {
+        return String::new();
+    }
+    let has_rounds = report.stages.iter().any(|stage| stage.round > 1);
+    let stages: String = report.stages.iter().map(|record| stage(record, has_rounds)).collect();
+    format!(
+        "<table class=\"facts stages\">\n<thead><tr><th>looked for</th><th>pixels</th><th>unknowns</th>\
+         <th>iterations</th><th>gradient left</th><th>before</th><th>after</th></tr></thead>\n<tbody>\n{stages}</tbody>\n</table>\n"
+    )
+}
+
 /// One line of the table of what was looked for.
 fn stage(stage: &StageRecord, has_rounds: bool) -> String {
     format!(
-        "<tr><th>{}{}{}</th><td>{}</td><td>{} {}</td><td>{}, {}</td><td>{}</td><td>{}</td></tr>\n",
+        "<tr><th>{}{}{}</th><td>{}</td><td>{} {}</td><td>{}, {}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
         if has_rounds { format!("{}. ", stage.round) } else { String::new() },
         escaped(&stage.label()),
         if stage.is_taken { "" } else { " (not taken)" },
         count(stage.problem.rows),
         count(stage.problem.active_unknowns),
-        stage.unknowns(),
+        escaped(&stage.problem.elements),
         count(stage.stop.iteration),
         match stage.stop.reason.as_str() {
-            "tolerance" | "exact" => "converged".to_owned(),
+            "tolerance" => "converged".to_owned(),
             "iterations" => "the limit".to_owned(),
             other => escaped(other),
         },
+        number(page::worst(&stage.certificate.value)),
         percent(stage.weighted_residual.before),
         percent(stage.weighted_residual.after),
     )
-}
-
-fn light_map(report: &Report, pictures: &Pictures) -> Result<String> {
-    let coverage = &report.coverage;
-    let found =
-        figure("found", "The light map", "what the light passes through", "light_map", &pictures.light_map)?;
-    let reach = match &pictures.coverage {
-        Some(png) => figure("coverage", "Coverage", "where the painted pixels reach it", "coverage", png)?,
-        None => String::new(),
-    };
-    let weak = match coverage.weak {
-        Some(weak) if weak > 0 => format!(
-            " Of those, {} get so little light to the paint that mostly the regularization decides them.",
-            count(weak)
-        ),
-        _ => String::new(),
-    };
-    let others = match coverage.filled {
-        Some(_) => "were filled from their neighbours",
-        None => "keep their start value",
-    };
-    let around = match &report.surroundings {
-        Some(found) => {
-            format!(
-                "<p>Around the light map: {}.</p>\n{}",
-                escaped(&found.in_words()),
-                environment(pictures)?
-            )
-        }
-        None => String::new(),
-    };
-    Ok(format!(
-        "<section>\n<h2>Light map</h2>\n<div class=\"maps\">\n{found}<div class=\"beside\">\n<p>The painted pixels reach {} \
-         of its {} texels ({}).{weak} The other {} {others}: no stroke says anything about \
-         them.</p>\n{reach}</div>\n</div>\n{around}</section>\n",
-        count(coverage.reached),
-        count(coverage.total),
-        percent(super::words::share(coverage.reached, coverage.total)),
-        count(coverage.unreached),
-    ))
 }
 
 fn views(report: &Report, pictures: &Pictures) -> Result<String> {
     let mut sections = String::new();
     for (index, view) in pictures.views.iter().enumerate() {
         let matched = report.matched.iter().find(|matched| matched.view == view.name);
-        sections.push_str(&one_view(index, view, matched, &Nouns::of(report))?);
+        sections.push_str(&one_view(index, view, matched, &report.nouns)?);
     }
     if pictures.views.is_empty() {
-        // No pictures were asked for, and their numbers are there.
+        // No pictures were asked for; there are numbers of the views all the same.
         let numbers = |matched: &ViewMatch| {
-            let facts = facts(matched, &Nouns::of(report));
+            let facts = facts(matched, &report.nouns);
             format!("<article class=\"view\">\n<h3>{}</h3>\n{facts}</article>\n", escaped(&matched.view))
         };
         sections.extend(report.matched.iter().map(numbers));
@@ -226,24 +225,25 @@ fn views(report: &Report, pictures: &Pictures) -> Result<String> {
 }
 
 fn one_view(index: usize, view: &ViewPictures, matched: Option<&ViewMatch>, nouns: &Nouns) -> Result<String> {
-    let part = |class, title, note, name: &str, png| {
+    let part = |class, title, note: &str, name: &str, png| {
         figure(class, title, note, &format!("views[{index}].{name}"), png)
     };
     let facts = matched.map(|matched| facts(matched, nouns)).unwrap_or_default();
+    let misses = format!("how far the picture misses the {}", escaped(&nouns.wanted));
     Ok(format!(
         "<article class=\"view\">\n<h3>{}</h3>\n<div class=\"pictures\">\n{}{}{}\
          <figure class=\"compare\" hidden></figure>\n<div class=\"aside\">\n{}{facts}</div>\n</div>\n</article>\n",
         escaped(&view.name),
-        part("target", "Target", nouns.target, "target", &view.target)?,
-        part("before", "Before", nouns.before, "before", &view.before)?,
-        part("after", "After", nouns.after, "after", &view.after)?,
-        part("difference", "Difference", nouns.difference, "difference", &view.difference)?,
+        part("target", "Target", "what the picture should show", "target", &view.target)?,
+        part("before", "Before", "the picture at the start", "before", &view.before)?,
+        part("after", "After", "the picture with what was found", "after", &view.after)?,
+        part("difference", "Difference", &misses, "difference", &view.difference)?,
     ))
 }
 
 /// How well a view matches, as a small table.
 fn facts(matched: &ViewMatch, nouns: &Nouns) -> String {
-    let mut rows = row(nouns.distance, matched.weighted_residual, percent);
+    let mut rows = row(&escaped(&page::distance(nouns)), matched.weighted_residual, percent);
     if let Some(error) = matched.hue_error {
         rows.push_str(&row("Hue error", error, degrees));
     }
@@ -257,7 +257,7 @@ fn facts(matched: &ViewMatch, nouns: &Nouns) -> String {
     format!(
         "<table class=\"facts\">\n<thead><tr><th></th><th>before</th><th>after</th></tr></thead>\n\
          <tbody>\n{rows}</tbody>\n</table>\n<p class=\"note\">{}{agreeing}.</p>\n",
-        counted(matched.painted_pixels, nouns.pixel)
+        escaped(&counted(matched.painted_pixels, &nouns.pixel))
     )
 }
 

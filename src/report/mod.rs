@@ -11,9 +11,10 @@ mod ticks;
 mod words;
 
 pub use data::{
-    AnimationRecord, Certificate, Change, Coverage, KeyRecord, Problem, Regularization, Report, RowStrategy,
-    Share, StageRecord, Step, StopRecord, SunRecord, SurroundingsRecord, ViewMatch, Work,
+    AnimationRecord, Certificate, Change, Coverage, KeyRecord, ProblemSize, Report, RowStrategy, Share,
+    StageRecord, StopRecord, SunRecord, SurroundingsRecord, ViewMatch, Work,
 };
 pub use example::example;
 pub use html::{Pictures, ViewPictures, html};
-pub use plot::{Axis, Chart, Curve, Spacing, chart, convergence};
+pub use plot::{Chart, ChartAxis, Curve, chart, convergence};
+pub use ticks::Spacing;

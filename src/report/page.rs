@@ -2,12 +2,11 @@
 
 use super::data::Report;
 use super::plot;
-use super::words::{
-    self, Nouns, bytes, count, counted, degrees, escaped, label, number, percent, seconds, share,
-};
+use super::words::{self, bytes, count, counted, degrees, escaped, label, number, percent, seconds, share};
 use crate::Result;
+use crate::problem::Nouns;
 
-/// Title, the summary sentence and the four numbers that matter most.
+/// Title, summary, and the few numbers that matter most.
 pub(super) fn opening(report: &Report) -> String {
     format!(
         "<main>\n<header>\n<p class=\"eyebrow\">unscatter {}</p>\n<h1>{}</h1>\n<p class=\"summary\">{}</p>\n\
@@ -28,21 +27,26 @@ fn summary(report: &Report) -> String {
         None => String::new(),
     };
     let time = total(report).map(|s| format!(", in {}", seconds(s))).unwrap_or_default();
-    let nouns = Nouns::of(report);
+    let nouns = &report.nouns;
     let frames = report.animation.as_ref().map(|animation| {
         let keys = counted(animation.keys.len() as u64, "key");
-        format!("{} of {} drawn, from {keys}. ", count(animation.drawn), counted(animation.frames, "frame"))
+        format!(
+            "{} of {} drawn, from {keys} (extinction between them: {}). ",
+            count(animation.drawn),
+            counted(animation.frames, "frame"),
+            escaped(&animation.between)
+        )
     });
     format!(
-        "{}{}, {}: they moved from {} to {} away from {}{hue}{time}. \
+        "{}{}, {}: they moved from {} to {} away from the {}{hue}{time}. \
          It stopped {}, after {}.",
         frames.unwrap_or_default(),
         counted(report.problem.views, "view"),
-        counted(painted_pixels(report), nouns.pixel),
+        escaped(&counted(wanted_pixels(report), &nouns.pixel)),
         percent(residual.before),
         percent(residual.after),
-        nouns.wanted,
-        escaped(&words::stopped(&report.stop.reason)),
+        escaped(&nouns.wanted),
+        escaped(&words::stopped(&report.stop.reason, nouns)),
         counted(report.stop.iteration, "iteration"),
     )
 }
@@ -52,14 +56,13 @@ fn tiles(report: &Report) -> String {
         format!("<s>{before}</s><span aria-label=\"to\"> → </span><b>{after}</b>")
     };
     let residual = report.weighted_residual;
-    let mut tiles =
-        tile(Nouns::of(report).distance, change(percent(residual.before), percent(residual.after)));
+    let mut tiles = tile(&distance(&report.nouns), change(percent(residual.before), percent(residual.after)));
     if let Some([before, after]) = hue_error(report) {
         tiles.push_str(&tile("Hue error", change(degrees(before), degrees(after))));
     }
     let coverage = &report.coverage;
-    let reached = percent(share(coverage.reached, coverage.total));
-    tiles.push_str(&tile(Nouns::of(report).reached, format!("<b>{reached}</b>")));
+    let reached = format!("{} reached", label(&coverage.elements));
+    tiles.push_str(&tile(&reached, format!("<b>{}</b>", percent(share(coverage.reached, coverage.total)))));
     if let Some(time) = total(report) {
         tiles.push_str(&tile("Time", format!("<b>{}</b>", seconds(time))));
     }
@@ -67,15 +70,20 @@ fn tiles(report: &Report) -> String {
 }
 
 fn tile(name: &str, value: String) -> String {
-    format!("<div><dt>{name}</dt><dd>{value}</dd></div>\n")
+    format!("<div><dt>{}</dt><dd>{value}</dd></div>\n", escaped(name))
 }
 
-fn painted_pixels(report: &Report) -> u64 {
+/// What `weighted_residual` is called.
+pub(super) fn distance(nouns: &Nouns) -> String {
+    format!("Distance to the {}", nouns.wanted)
+}
+
+fn wanted_pixels(report: &Report) -> u64 {
     let sum = report.matched.iter().fold(0, |sum: u64, view| sum.saturating_add(view.painted_pixels));
     if sum > 0 { sum } else { report.problem.rows }
 }
 
-/// Mean hue error of all painted pixels of the views that have one, before and after.
+/// The mean hue error of all pixels of the views that have one, before and after.
 fn hue_error(report: &Report) -> Option<[f64; 2]> {
     let mut pixels = 0.0;
     let mut sums = [0.0; 2];
@@ -109,43 +117,49 @@ pub(super) fn convergence(report: &Report) -> Result<String> {
         let svg = plot::chart(chart)?.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1);
         charts.push_str(&format!("<figure class=\"chart\">{svg}</figure>\n"));
     }
-    let nouns = Nouns::of(report);
-    let applications = report.history.last().map_or(0, |step| step.operator_applications);
+    let [wanted, found] = [&report.nouns.wanted, &report.nouns.found].map(|noun| escaped(noun));
+    let applications = report.history.last().map_or(0, |last| last.operator_applications as u64);
     Ok(format!(
         "<section>\n<h2>Convergence</h2>\n<div class=\"charts\">\n{charts}</div>\n<p>The residual is how far the \
-         picture is from {}; it levels off where {}. The \
-         normal residual is how much there is left to gain; it falls to zero at the best {}. \
-         {} of the transport in {}{}.</p>\n<p>{}</p>\n</section>\n",
-        nouns.wanted,
-        nouns.impossible,
-        nouns.thing,
-        counted(applications, "application"),
+         picture is from the {wanted}. It levels off where the {wanted} asks for what no {found} can show. The \
+         normal residual is how much there is left to gain. It falls to zero at the best {found}. \
+         The transport was applied {} in {}{}.</p>\n<p>{}</p>\n</section>\n",
+        counted(applications, "time"),
         counted(report.stop.iteration, "iteration"),
         match report.set_up_applications {
             0 => String::new(),
-            before => format!(", and {} before them", count(before)),
+            before => format!(", and {} before them", counted(before, "time")),
         },
         certificate(report),
     ))
 }
 
-/// The proof at the end, in words.
+/// The optimality certificate, in words.
 fn certificate(report: &Report) -> String {
-    let (certificate, nouns) = (&report.certificate, Nouns::of(report));
-    let worst = certificate.value.iter().copied().fold(0.0, f64::max);
-    let (what, bounds) = match certificate.kind.as_str() {
-        "projected-gradient" => (
-            "projected gradient",
-            format!(" {} are held at a bound.", counted(certificate.at_bounds, nouns.unknown)),
-        ),
-        _ => ("gradient", format!(" A {} may be negative: this solver keeps no bounds.", nouns.unknown)),
+    let certificate = &report.certificate;
+    let elements = escaped(&label(&report.problem.elements));
+    let (gradient, bounds) = match certificate.kind.as_str() {
+        "projected-gradient" => {
+            ("projected gradient", format!("{elements} held at a bound: {}.", count(certificate.at_bounds)))
+        }
+        _ => ("gradient", format!("{elements} may be negative: this solver keeps no bounds.")),
+    };
+    let restarts = match certificate.restarts {
+        0 => String::new(),
+        restarts => format!(" The method began again {}.", counted(restarts, "time")),
     };
     format!(
-        "Certificate: computed anew at the end, the {what} has {} of the norm that it started with; \
-         at the best {} it would be zero.{bounds}",
-        number(worst),
-        nouns.thing
+        "Certificate: computed anew at the end, the {gradient} has {} of the norm that it started with, and the residual {}. \
+         At the best {} the {gradient} would be zero. {bounds}{restarts}",
+        number(worst(&certificate.value)),
+        number(worst(&certificate.residual)),
+        escaped(&report.nouns.found)
     )
+}
+
+/// The largest of the channels.
+pub(super) fn worst(channels: &[f64; 3]) -> f64 {
+    channels.iter().copied().fold(0.0, f64::max)
 }
 
 /// What was not computed, in words, the largest share first.
@@ -161,7 +175,7 @@ pub(super) fn skipped(report: &Report) -> String {
             let part = share(skipped.count, skipped.of);
             format!(
                 "<tr><th>{}</th><td>{}</td><td class=\"of\">of {}</td><td class=\"meter\">{}</td><td>{}</td></tr>\n",
-                escaped(&words::skipped(name)),
+                escaped(&words::skipped(name, &report.coverage.elements)),
                 count(skipped.count),
                 count(skipped.of),
                 bar(part),
@@ -225,15 +239,15 @@ pub(super) fn settings(report: &Report) -> String {
     let problem = &report.problem;
     let strategy = &report.strategy;
     let size = problem.size.iter().map(u64::to_string).collect::<Vec<_>>().join(" × ");
-    let unknowns = if size.is_empty() {
-        count(problem.unknowns)
-    } else {
-        format!("{size} RGB {}s", Nouns::of(report).unknown)
-    };
+    let lattice = if size.is_empty() { size } else { format!(" ({size})") };
+    let active = count(problem.active_unknowns);
     let mut pairs = vec![
-        ("Painted colour means".to_string(), report.target.clone()),
+        ("Colours mean".to_string(), report.target.clone()),
         ("Solver".into(), report.solver.clone()),
-        ("Unknowns".into(), format!("{unknowns}, {} of them active", count(problem.active_unknowns))),
+        (
+            label(&problem.elements),
+            format!("{}{lattice}, {active} of them unknowns", count(problem.unknowns)),
+        ),
         ("Constraint pixels".into(), count(problem.rows)),
         ("Non-zeros".into(), count(problem.nonzeros)),
         (
@@ -289,5 +303,10 @@ fn computed_on(report: &Report) -> String {
         true => "the same bits in every run",
         false => "sums in any order, so that last digits differ from run to run",
     };
-    format!("{on}; {} kernels, {} round trips{trips}; {sums}", count(gpu.dispatches), count(gpu.round_trips))
+    format!(
+        "{on}; {} kernels, {} round trips{trips}, {} in use at the end; {sums}",
+        count(gpu.dispatches),
+        count(gpu.round_trips),
+        bytes(gpu.bytes)
+    )
 }

@@ -4,8 +4,9 @@
 //! can set `--chart-text` and `--chart-line` to do better. They carry no script and no font.
 
 use super::axes::{Axes, TEXT, color};
-use super::data::Step;
+use super::ticks::Spacing;
 use super::words::escaped;
+use crate::solve::Progress;
 use crate::{Error, Result};
 
 /// Width and height of one panel in the units of its viewBox.
@@ -18,21 +19,9 @@ const MOST_POINTS: usize = 4096;
 /// Curves of as few points show each.
 const FEW_POINTS: usize = 8;
 
-/// How the values of an axis are laid out along it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Spacing {
-    /// Evenly.
-    #[default]
-    Linear,
-    /// Evenly, with lines at whole numbers only.
-    Whole,
-    /// By decades; what is not positive lies at the foot.
-    Log,
-}
-
 /// One axis of a chart.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Axis {
+pub struct ChartAxis {
     /// What it measures, with its unit.
     pub label: String,
     /// How its values are laid out.
@@ -56,9 +45,9 @@ pub struct Chart {
     /// What it shows.
     pub title: String,
     /// Across.
-    pub x: Axis,
+    pub x: ChartAxis,
     /// Upwards.
-    pub y: Axis,
+    pub y: ChartAxis,
     /// What is drawn.
     pub curves: Vec<Curve>,
 }
@@ -76,16 +65,16 @@ pub fn chart(chart: &Chart) -> Result<String> {
 /// iterations, one curve a colour channel.
 ///
 /// Errors: [`Error::NonFinite`] for a residual that is a NaN or an infinity.
-pub fn convergence(history: &[Step]) -> Result<String> {
+pub fn convergence(history: &[Progress]) -> Result<String> {
     document(&convergence_charts(history))
 }
 
 /// The two charts of [`convergence`].
-pub(super) fn convergence_charts(history: &[Step]) -> [Chart; 2] {
-    let over_iterations = |title: &str, value: fn(&Step) -> [f64; 3]| Chart {
+pub(super) fn convergence_charts(history: &[Progress]) -> [Chart; 2] {
+    let over_iterations = |title: &str, value: fn(&Progress) -> [f64; 3]| Chart {
         title: title.into(),
-        x: Axis { label: "iteration".into(), spacing: Spacing::Whole },
-        y: Axis { label: "relative to the start".into(), spacing: Spacing::Log },
+        x: ChartAxis { label: "iteration".into(), spacing: Spacing::Whole },
+        y: ChartAxis { label: "relative to the start".into(), spacing: Spacing::Log },
         curves: ["red", "green", "blue"]
             .iter()
             .enumerate()
@@ -241,7 +230,7 @@ mod tests {
     fn a_curve_that_falls_is_drawn_downwards() {
         let points = vec![[0.0, 1.0], [5.0, 0.1], [10.0, 0.01]];
         let curve = Curve { label: "a".into(), dashed: false, points };
-        let axis = |spacing| Axis { label: String::new(), spacing };
+        let axis = |spacing| ChartAxis { label: String::new(), spacing };
         let chart = Chart {
             title: String::new(),
             x: axis(Spacing::Linear),
@@ -259,22 +248,22 @@ mod tests {
     fn names_are_escaped_and_bad_numbers_are_refused() {
         let mut svg = Chart {
             title: "<script>".into(),
-            x: Axis { label: "\"".into(), spacing: Spacing::Log },
-            y: Axis { label: "&".into(), spacing: Spacing::Log },
+            x: ChartAxis { label: "\"".into(), spacing: Spacing::Log },
+            y: ChartAxis { label: "&".into(), spacing: Spacing::Log },
             curves: vec![Curve { label: "<b>".into(), dashed: true, points: vec![[1.0, 1.0]] }],
         };
         let text = chart(&svg).unwrap();
         assert!(well_formed(&text) && !text.contains("<script") && text.contains("stroke-dasharray"));
         svg.curves[0].points.push([f64::NAN, 1.0]);
         assert!(matches!(chart(&svg), Err(Error::NonFinite { .. })));
-        let step = Step { residual: [f64::INFINITY; 3], ..Step::default() };
+        let step = Progress { residual: [f64::INFINITY; 3], ..Progress::default() };
         assert!(matches!(convergence(&[step]), Err(Error::NonFinite { .. })));
     }
 
     #[test]
     fn very_long_curves_are_thinned_but_keep_their_ends() {
-        let history: Vec<Step> =
-            (0..100_000).map(|iteration| Step { iteration, ..Step::default() }).collect();
+        let history: Vec<Progress> =
+            (0..100_000).map(|iteration| Progress { iteration, ..Progress::default() }).collect();
         let svg = convergence(&history).unwrap();
         assert!(svg.len() < 6 * 20 * (MOST_POINTS + 200));
         assert!(svg.contains(&format!("points=\"{:.1},", FRAME[0])));
@@ -296,12 +285,12 @@ mod tests {
     proptest! {
         #[test]
         fn any_finite_history_can_be_drawn(
-            steps in proptest::collection::vec((any::<u64>(), [level(), level(), level()]), 0..12),
+            steps in proptest::collection::vec((any::<usize>(), [level(), level(), level()]), 0..12),
             constant in level(),
         ) {
             let mut history = Vec::new();
             for (iteration, residual) in steps {
-                history.push(Step { iteration, residual, normal_residual: [constant; 3], ..Step::default() });
+                history.push(Progress { iteration, residual, normal_residual: [constant; 3], ..Progress::default() });
             }
             let svg = convergence(&history).unwrap();
             prop_assert!(well_formed(&svg));

@@ -1,21 +1,32 @@
 //! Where an axis has its lines, and how far along it a value lies.
 
-use super::plot::Spacing;
 use super::words;
 
 /// More decades than this below the largest value are not drawn: that far down there is only rounding.
 const DECADES: f64 = 18.0;
 
+/// How the values of an axis are laid out along it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Spacing {
+    /// Evenly.
+    #[default]
+    Linear,
+    /// Evenly, with lines at whole numbers only.
+    Whole,
+    /// By decades; what is not positive lies at the foot.
+    Log,
+}
+
 /// The scale of one axis: the range of values shown, linear or in decades.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Scale {
+pub(super) struct AxisScale {
     /// The ends, as logarithms of base ten on a logarithmic axis.
     low: f64,
     high: f64,
     spacing: Spacing,
 }
 
-impl Scale {
+impl AxisScale {
     /// The scale that shows all `values`, which are finite. It is never empty. On a logarithmic one values
     /// that are not positive lie at its low end.
     pub(super) fn of(values: impl Iterator<Item = f64>, spacing: Spacing) -> Self {
@@ -113,7 +124,7 @@ mod tests {
 
     #[test]
     fn the_ends_of_a_logarithmic_axis_are_decades_and_zero_is_at_its_foot() {
-        let scale = Scale::of([1.0, 0.003, 0.0].into_iter(), Spacing::Log);
+        let scale = AxisScale::of([1.0, 0.003, 0.0].into_iter(), Spacing::Log);
         assert_eq!(scale.place(1.0), 1.0);
         assert_eq!(scale.place(0.001), 0.0);
         assert_eq!(scale.place(0.0), 0.0);
@@ -124,17 +135,18 @@ mod tests {
 
     #[test]
     fn ticks_are_round_few_and_inside() {
-        let labels =
-            |scale: Scale| scale.ticks(6).into_iter().map(|(_, label)| label).collect::<Vec<_>>().join(" ");
-        assert_eq!(labels(Scale::of([0.0, 32.0].into_iter(), Spacing::Linear)), "0 10 20 30");
-        assert_eq!(labels(Scale::of([0.0, 1.2].into_iter(), Spacing::Linear)), "0 0.2 0.4 0.6 0.8 1 1.2");
-        assert_eq!(labels(Scale::of([0.0, 2.0].into_iter(), Spacing::Whole)), "0 1 2");
-        assert_eq!(labels(Scale::of([0.0].into_iter(), Spacing::Whole)), "0 1");
+        let labels = |scale: AxisScale| {
+            scale.ticks(6).into_iter().map(|(_, label)| label).collect::<Vec<_>>().join(" ")
+        };
+        assert_eq!(labels(AxisScale::of([0.0, 32.0].into_iter(), Spacing::Linear)), "0 10 20 30");
+        assert_eq!(labels(AxisScale::of([0.0, 1.2].into_iter(), Spacing::Linear)), "0 0.2 0.4 0.6 0.8 1 1.2");
+        assert_eq!(labels(AxisScale::of([0.0, 2.0].into_iter(), Spacing::Whole)), "0 1 2");
+        assert_eq!(labels(AxisScale::of([0.0].into_iter(), Spacing::Whole)), "0 1");
         for spacing in [Spacing::Linear, Spacing::Whole, Spacing::Log] {
             for values in
                 [vec![], vec![0.0], vec![1e-320, 1e308], vec![-1e308, 1e308], vec![1.0, 1.0 + 1e-16]]
             {
-                let ticks = Scale::of(values.iter().copied(), spacing).ticks(6);
+                let ticks = AxisScale::of(values.iter().copied(), spacing).ticks(6);
                 assert!(ticks.len() <= 13 && !ticks.is_empty(), "{values:?} {spacing:?} {ticks:?}");
                 assert!(ticks.iter().all(|(place, _)| (0.0..=1.0).contains(place)));
             }

@@ -1,80 +1,6 @@
 //! Numbers and names as a person reads them.
 
-use super::data::Report;
-
-/// What things are called in a report about a light map, or about a volume.
-pub(super) struct Nouns {
-    pub(super) pixel: &'static str,
-    pub(super) unknown: &'static str,
-    /// What is looked for.
-    pub(super) thing: &'static str,
-    /// What the pictures are compared with.
-    pub(super) wanted: &'static str,
-    pub(super) distance: &'static str,
-    pub(super) reached: &'static str,
-    pub(super) target: &'static str,
-    pub(super) before: &'static str,
-    pub(super) after: &'static str,
-    pub(super) difference: &'static str,
-    /// Where the residual levels off.
-    pub(super) impossible: &'static str,
-}
-
-impl Nouns {
-    pub(super) fn of(report: &Report) -> Self {
-        if report.is_of_volume() {
-            let of_volume = Self {
-                pixel: "wanted pixel",
-                unknown: "voxel",
-                thing: "volume",
-                wanted: "the targets",
-                distance: "Distance to the target",
-                reached: "Voxels found",
-                target: "what the picture should show",
-                before: "the volume at the start",
-                after: "the volume that was found",
-                difference: "how far the picture misses the target",
-                impossible: "targets ask for what no volume can do",
-            };
-            // Coverage is that of the last stage.
-            if report.stages.last().is_none_or(|stage| stage.find != "environment") {
-                return of_volume;
-            }
-            return Self {
-                unknown: "light",
-                thing: "light",
-                reached: "Lights found",
-                before: "the volume under the light at the start",
-                after: "the volume under the light that was found",
-                impossible: "targets ask for what no light can do",
-                ..of_volume
-            };
-        }
-        let of_light_map = Self {
-            pixel: "painted pixel",
-            unknown: "texel",
-            thing: "light map",
-            wanted: "the paint",
-            distance: "Distance to the paint",
-            reached: "Light map reached",
-            target: "what was painted",
-            before: "under the light at the start",
-            after: "under the light that was found",
-            difference: "how far the shafts miss the paint",
-            impossible: "strokes ask for what no light map can do",
-        };
-        if report.surroundings.is_none() {
-            return of_light_map;
-        }
-        Self {
-            unknown: "unknown",
-            thing: "light",
-            difference: "how far the picture misses the paint",
-            impossible: "strokes ask for what no light can do",
-            ..of_light_map
-        }
-    }
-}
+use crate::problem::Nouns;
 
 /// No line break between a number and its unit.
 const GAP: char = '\u{a0}';
@@ -151,7 +77,7 @@ pub(super) fn percent(part: f64) -> String {
     format!("{text}{GAP}%")
 }
 
-/// A part of a whole in percent; a part of nothing is nothing.
+/// A part of a whole; 0 where the whole is nothing.
 pub(super) fn share(part: u64, whole: u64) -> f64 {
     if whole == 0 { 0.0 } else { part as f64 / whole as f64 }
 }
@@ -208,37 +134,36 @@ pub(super) fn label(name: &str) -> String {
     letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }
 
-/// What a name of `Report::skipped` means.
-pub(super) fn skipped(name: &str) -> String {
+/// What a name of `Report::skipped` means, where elements are called so.
+pub(super) fn skipped(name: &str, elements: &str) -> String {
     match name {
-        "pixels" => "Pixels without paint: no ray is followed through them",
-        "unknowns" => "Texels that no painted ray reaches: they keep their start value",
-        "shadowed_cells" => "Stretches of rays in shadow: passed over in large steps",
-        "lit_cells" => "Stretches of rays in full light: taken without asking the shadow map",
-        "empty_cells" => "Stretches of rays through empty space: passed over in large steps",
-        "dark_cells" => "Far ends of rays, from where next to no light arrives",
-        "channel_iterations" => "Iterations of colour channels that had already converged",
-        "empty_bricks" => "Bricks of 8 × 8 × 8 voxels with nothing to find: passed in one step",
-        "outside_hull" => "Voxels outside the visual hull of the masks: they are no unknowns",
-        "without_logarithm" => {
-            "Pixels that no extinction explains: brighter or darker than background and medium"
+        "pixels" => "Pixels of which nothing is wanted: no ray is followed through them".into(),
+        "unknowns" => format!("{} that no row reaches: they are no unknowns", label(elements)),
+        "shadowed_cells" => "Stretches of rays in shadow: passed over in large steps".into(),
+        "dark_rays" => "Rays whose far end is cut off, because next to no light arrives from there".into(),
+        "channel_iterations" => "Iterations of colour channels that had already converged".into(),
+        "empty_bricks" => "Bricks of 8 × 8 × 8 cells with nothing in them: passed in one step".into(),
+        "outside_hull" => {
+            format!("{} outside the visual hull of the masks: they are no unknowns", label(elements))
         }
-        "walks" => "Ray walks that keeping the non-zeros in memory saved",
-        other => return label(other),
+        "beside" => "Wanted pixels whose rays meet nothing that is looked for: they are no rows".into(),
+        "without_logarithm" => {
+            "Pixels that no extinction explains: brighter or darker than background and medium".into()
+        }
+        "walks" => "Ray walks that keeping the non-zeros in memory saved".into(),
+        other => label(other),
     }
-    .into()
 }
 
 /// Why a solve stopped, to follow “It stopped”.
-pub(super) fn stopped(reason: &str) -> String {
+pub(super) fn stopped(reason: &str, Nouns { found, wanted, .. }: &Nouns) -> String {
     match reason {
-        "tolerance" => "because the light could no longer be improved noticeably".into(),
-        "discrepancy" => "because the paint is met as closely as its noise allows".into(),
+        "tolerance" => format!("because the {found} could no longer be improved noticeably"),
+        "discrepancy" => format!("because the {wanted} is met as closely as its noise allows"),
         "stagnation" => "at rounding level: no further digit can be gained".into(),
         "iterations" => "at its iteration limit, so more iterations may still improve it".into(),
         "time" => "at its time limit, so more time may still improve it".into(),
         "interrupted" => "because it was interrupted".into(),
-        "exact" => "because nothing was left to improve".into(),
         other => format!("with the reason “{}”", label(other).to_lowercase()),
     }
 }

@@ -1,12 +1,15 @@
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
 use super::stop::Progressing;
 use super::{Control, LeastSquares, Limits, Live, Measure, Method, Stop, StopReason};
 use crate::operator::{Bounds, LinearOperator, PendingSum, Scalars, Vector, expect_len};
 use crate::{Error, Result};
 
 /// Where a solve is after an iteration.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Progress {
     /// From 0, the start.
     pub iteration: usize,
@@ -14,9 +17,9 @@ pub struct Progress {
     pub seconds: f64,
     /// Applications of A and Aᵀ so far.
     pub operator_applications: usize,
-    /// ‖b − A x‖ relative to the start.
+    /// ‖b − A x‖ relative to the start, a channel; 0 where the start was already exact.
     pub residual: Scalars,
-    /// ‖Aᵀ (b − A x)‖, or with bounds the norm of the projected gradient, relative to the start.
+    /// ‖Aᵀ (b − A x)‖, or with bounds the norm of the projected gradient, relative to the start; 0 where that was already optimal.
     pub normal_residual: Scalars,
 }
 

@@ -8,12 +8,13 @@ use super::super::environment::write_environment;
 use super::super::folder::Folder;
 use super::super::steps::{Steps, Timings};
 use super::super::{Options, Scenes, machine, memory};
+use super::pictures::{nothing_asked, view_pictures};
+use super::results;
 use super::stage::Place;
-use super::staging::{self, Distance, Outcome, distance, matched, relative};
-use super::{nothing_asked, pictures, results};
+use super::staging::{self, Attained, StagesOutcome, distance, matched, relative};
 use crate::io::scene_file::AnimatedVolume;
 use crate::io::volume::Format;
-use crate::problem::{Desired, Determined, Occupied, Optics, Spread, VolumeProblem, VolumeState};
+use crate::problem::{Occupied, Optics, Spread, VolumeProblem, VolumeState};
 use crate::report::{self, AnimationRecord, Change, KeyRecord, Report};
 use crate::scene::{Find, Image, KeySpan, VolumeScene};
 use crate::{Error, Result};
@@ -97,13 +98,7 @@ pub(in crate::job) struct SolvedKey {
     animated: Arc<AnimatedVolume>,
     index: usize,
     frame: usize,
-    pub(in crate::job) state: VolumeState,
-    optics: Optics,
-    desired: Vec<Desired>,
-    before: Vec<Image>,
-    after: Vec<Image>,
-    distances: [Distance; 2],
-    determined: Vec<Determined>,
+    attained: Attained,
     spread: Spread,
     /// Of this key alone, before anything was spread.
     report: Report,
@@ -130,18 +125,12 @@ fn solve(
         let is_interrupted = outcome.is_interrupted();
         let report = outcome.report(&key.scene, &Vec::new())?;
         // The rows are not needed any more.
-        let Outcome { state, optics, desired, before, after, distances, determined, .. } = outcome;
+        let StagesOutcome { attained, .. } = outcome;
         keys.push(SolvedKey {
             animated: animated.clone(),
             index,
             frame: key.frame,
-            state,
-            optics,
-            desired,
-            before,
-            after,
-            distances,
-            determined,
+            attained,
             spread: Spread::default(),
             report,
         });
@@ -157,11 +146,12 @@ fn solve(
 fn spread(keys: &mut [SolvedKey], animated: &AnimatedVolume, steps: &mut Steps<'_>) -> Result<()> {
     let Some(first) = keys.first() else { return Ok(()) };
     steps.begin("diffusing", Some(keys.len() as u64));
-    let mut occupied = Occupied::at(*first.state.medium.extinction.grid(), &animated.occupied);
-    keys.iter().try_for_each(|key| occupied.add(&key.state.medium.extinction))?;
+    let mut occupied = Occupied::at(*first.state().medium.extinction.grid(), &animated.occupied);
+    keys.iter().try_for_each(|key| occupied.add(&key.state().medium.extinction))?;
     memory::check_spread(first.scene(), occupied.len())?;
     for (index, key) in keys.iter_mut().enumerate() {
-        (key.state, key.spread) = key.state.spread(&key.determined, &occupied)?;
+        let now = &mut key.attained;
+        (now.state, key.spread) = now.state.spread(&now.determined, &occupied)?;
         steps.advance(index as u64 + 1, "");
     }
     Ok(())
@@ -172,32 +162,39 @@ impl SolvedKey {
         &self.animated.animation.keys[self.index].scene
     }
 
+    /// The volume with what was found, and the light around it.
+    pub(in crate::job) fn state(&self) -> &VolumeState {
+        &self.attained.state
+    }
+
     /// The picture of a view.
     pub(in crate::job) fn picture(&self, view: &str) -> Option<&Image> {
         let index = self.scene().views.iter().position(|seen| seen.view.name == view)?;
-        self.after.get(index)
+        self.attained.after.get(index)
     }
 
     /// The pictures of what was found and spread.
     fn draw(&mut self, steps: &mut Steps<'_>) -> Result<()> {
         steps.within(format!("frame {}", self.frame));
-        self.after = draw(self.scene(), &self.state, &self.optics, steps)?;
-        self.distances[1] = distance(&self.desired, &self.after);
+        let scene = &self.animated.animation.keys[self.index].scene;
+        let Attained { state, optics, desired, after, distances, .. } = &mut self.attained;
+        *after = draw(scene, state, optics, steps)?;
+        distances[1] = distance(desired, after);
         steps.within(String::new());
         Ok(())
     }
 
     /// Writes what was found, and the pictures of the key.
     fn write(&self, folder: &Folder, formats: &[Format]) -> Result<Vec<report::ViewPictures>> {
-        let prefix = of_frame("key", self.frame);
-        results::write_volumes(folder, &prefix, &self.scene().stages, &self.state.medium, formats)?;
-        if self.scene().stages.contains(&Find::Environment) {
-            let (name, scene) = (format!("{prefix}environment"), self.scene());
-            let (basis, found) = (&scene.light_basis, &self.state.environment);
+        let (prefix, scene) = (of_frame("key", self.frame), self.scene());
+        let Attained { state, desired, before, after, .. } = &self.attained;
+        results::write_volumes(folder, &prefix, &scene.stages, &state.medium, formats)?;
+        if scene.stages.contains(&Find::Environment) {
+            let name = format!("{prefix}environment");
+            let (basis, found) = (&scene.light_basis, &state.environment);
             write_environment(folder, &name, basis, found, None, scene.exposure)?;
         }
-        let mut views =
-            results::write_views(folder, &prefix, self.scene(), &self.desired, &self.before, &self.after)?;
+        let mut views = results::write_views(folder, &prefix, scene, desired, before, after)?;
         views.iter_mut().for_each(|view| view.name = self.named(&view.name));
         Ok(views)
     }
@@ -216,7 +213,7 @@ fn draw(
     steps: &mut Steps<'_>,
 ) -> Result<Vec<Image>> {
     let last = *scene.stages.last().ok_or_else(nothing_asked)?;
-    pictures(scene, &state.medium, optics, VolumeProblem::model(scene, last), steps)
+    view_pictures(scene, &state.medium, optics, VolumeProblem::model(scene, last), steps)
 }
 
 /// What frames are drawn from.
@@ -256,7 +253,7 @@ impl Film<'_> {
     /// A frame between keys, and its pictures; none where it is not to be had any more.
     fn frame(&self, frame: usize, steps: &mut Steps<'_>) -> Result<Option<(VolumeState, Vec<Image>)>> {
         if let Some(key) = self.keys.iter().find(|key| key.frame == frame) {
-            return Ok(Some((key.state.clone(), key.after.clone())));
+            return Ok(Some((key.state().clone(), key.attained.after.clone())));
         }
         if steps.stops() {
             return Ok(None);
@@ -264,12 +261,12 @@ impl Film<'_> {
         let frames: Vec<usize> = self.keys.iter().map(|key| key.frame).collect();
         let KeySpan { keys, share } = KeySpan::of(&frames, frame);
         let [from, to] = keys.map(|key| &self.keys[key]);
-        let mut state = from.state.blended(&to.state, share)?;
+        let mut state = from.state().blended(to.state(), share)?;
         if let Some(extinction) = self.animated.extinction(frame)? {
             state.medium.extinction = extinction.into();
         }
         steps.begin("lighting", None);
-        let optics = Optics::new(from.scene(), from.optics.geometry(), &state)?;
+        let optics = Optics::new(from.scene(), from.attained.optics.geometry(), &state)?;
         let pictures = draw(from.scene(), &state, &optics, steps)?;
         Ok(Some((state, pictures)))
     }
@@ -293,16 +290,17 @@ fn report(animated: &AnimatedVolume, keys: &[SolvedKey], timings: &Timings) -> R
     let (mut stages, mut views, mut records) = (Vec::new(), Vec::new(), Vec::new());
     let (mut sums, mut adjoint_error) = ([[0.0; 2]; 2], 0.0f64);
     for key in keys {
-        let [before, after] = &key.distances;
+        let Attained { distances, desired, .. } = &key.attained;
+        let [before, after] = distances;
         for mut stage in key.report.stages.clone() {
             stage.frame = Some(key.frame as u64);
             stages.push(stage);
         }
-        for mut view in matched(key.scene(), &key.desired, [before, after]) {
+        for mut view in matched(key.scene(), desired, [before, after]) {
             view.view = key.named(&view.view);
             views.push(view);
         }
-        for (sum, distance) in sums.iter_mut().zip(&key.distances) {
+        for (sum, distance) in sums.iter_mut().zip(distances) {
             (0..2).for_each(|k| sum[k] += distance.sums[k]);
         }
         adjoint_error = adjoint_error.max(key.report.adjoint_error);

@@ -1,10 +1,10 @@
 //! From pictures to a volume, and to its light.
 
 mod animate;
+mod pictures;
 mod results;
 mod stage;
 mod staging;
-mod turntable;
 
 use std::sync::Arc;
 
@@ -13,20 +13,22 @@ use super::environment::write_environment;
 use super::folder::Folder;
 use super::steps::{Steps, Timings};
 use super::{Options, memory};
-use crate::problem::{Desired, Model, Optics, VolumeProblem, VolumeRenderer, VolumeState};
+use crate::Result;
+use crate::problem::{Desired, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use crate::report::{self, Report};
-use crate::scene::{Find, Image, VolumeMedium, VolumeScene};
+use crate::scene::{Find, Image, VolumeScene};
 use crate::visibility::Geometry;
-use crate::{Error, Result};
+pub(super) use pictures::nothing_asked;
+use pictures::turntable;
 use stage::Place;
-use staging::Outcome;
+use staging::{Attained, StagesOutcome};
 
 pub(crate) use animate::of_frame;
 pub(super) use animate::{FoundAnimation, solve_keys};
 
 /// A volume that was found, and all there is to know about it.
 pub(crate) struct FoundVolume {
-    outcome: Outcome,
+    outcome: StagesOutcome,
     turns: Vec<Image>,
 }
 
@@ -44,9 +46,10 @@ pub(super) fn solve(
     let outcome = staging::run(scene, &geometry, engine, place, steps)?;
     steps.begin("turning", None);
     let model = VolumeProblem::model(scene, outcome.last.problem.find);
-    let renderer = VolumeRenderer::new(scene, &outcome.state.medium, &outcome.optics, model);
+    let renderer =
+        VolumeRenderer::new(scene, &outcome.attained.state.medium, &outcome.attained.optics, model);
     let turns = if options.pictures { options.turntable } else { 0 };
-    let turns = turntable::pictures(&renderer, scene, turns, steps)?;
+    let turns = turntable(&renderer, scene, turns, steps)?;
     Ok(FoundVolume { outcome, turns })
 }
 
@@ -56,12 +59,12 @@ impl FoundVolume {
     }
 
     pub(super) fn state(&self) -> &VolumeState {
-        &self.outcome.state
+        &self.outcome.attained.state
     }
 
     /// The picture of a view, by its number.
     pub(super) fn picture(&self, view: usize) -> Option<&Image> {
-        self.outcome.after.get(view)
+        self.outcome.attained.after.get(view)
     }
 
     pub(super) fn report(&self, scene: &VolumeScene, timings: &Timings) -> Result<Report> {
@@ -75,7 +78,7 @@ impl FoundVolume {
         options: &Options,
         folder: &Folder,
     ) -> Result<report::Pictures> {
-        let Outcome { state, desired, before, after, .. } = &self.outcome;
+        let Attained { state, desired, before, after, .. } = &self.outcome.attained;
         results::write_volumes(folder, "", &scene.stages, &state.medium, &options.formats)?;
         let environment = match scene.stages.contains(&Find::Environment) {
             true => {
@@ -121,7 +124,7 @@ pub(super) fn draw(
         written.push(format!("{name}.png"));
         steps.advance(view as u64 + 1, "");
     }
-    let turns = turntable::pictures(&renderer, scene, turns, steps)?;
+    let turns = turntable(&renderer, scene, turns, steps)?;
     results::write_turntable(folder, prefix, &turns, scene.exposure)?;
     written.extend((0..turns.len()).map(|index| format!("{prefix}turntable_{index:03}.png")));
     Ok(true)
@@ -144,26 +147,4 @@ pub(super) fn problems(
         VolumeProblem::new(scene, &scene.medium, &optics, &desired, find)
     };
     scene.stages.iter().map(problem).collect()
-}
-
-/// The pictures of all views.
-pub(super) fn pictures(
-    scene: &VolumeScene,
-    medium: &VolumeMedium,
-    optics: &Optics,
-    model: Model,
-    steps: &mut Steps<'_>,
-) -> Result<Vec<Image>> {
-    steps.begin("rendering", Some(scene.views.len() as u64));
-    let renderer = VolumeRenderer::new(scene, medium, optics, model);
-    let draw = |view: usize| {
-        let picture = renderer.picture(view)?;
-        steps.advance(view as u64 + 1, "");
-        Ok(picture)
-    };
-    (0..scene.views.len()).map(draw).collect()
-}
-
-pub(super) fn nothing_asked() -> Error {
-    Error::Empty { reason: "nothing is looked for".to_owned(), remedy: "say what to `find`" }
 }

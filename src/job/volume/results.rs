@@ -1,6 +1,6 @@
 //! The files of a volume solve.
 
-use super::super::folder::{Folder, Painted, ViewPictures};
+use super::super::folder::{Folder, Painted, ViewImages};
 use crate::Result;
 use crate::io::volume::{self, Format};
 use crate::problem::{Desired, Rendering};
@@ -53,7 +53,7 @@ pub(super) fn write_views(
         });
         let rendering = Rendering { before: before.clone(), after: after.clone() };
         let name = &view.view.name;
-        let pictures = ViewPictures::new(&format!("{prefix}{name}"), painted, rendering);
+        let pictures = ViewImages::new(&format!("{prefix}{name}"), painted, rendering);
         Ok(report::ViewPictures { name: name.clone(), ..pictures.write(folder, scene.exposure)? })
     };
     scene.views.iter().enumerate().map(write).collect()

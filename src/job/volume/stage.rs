@@ -1,10 +1,10 @@
 use super::super::Options;
 use super::super::checkpoint::Keeper;
-use super::super::compute::{self, Computed};
+use super::super::compute::{Computed, ProblemSolve};
 use super::super::engine::Engine;
 use super::super::findings::Findings;
 use super::super::folder::Folder;
-use super::super::memory::{Memory, check_light};
+use super::super::memory::{MemoryBudget, check_light};
 use super::super::steps::Steps;
 use crate::problem::{Desired, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use crate::scene::{Find, Rgb, SolveSettings, VolumeScene};
@@ -24,7 +24,7 @@ pub(super) struct Place<'a> {
 
 /// One property to be found.
 #[derive(Clone, Copy)]
-pub(super) struct Task<'a> {
+pub(super) struct PropertySearch<'a> {
     pub(super) scene: &'a VolumeScene,
     pub(super) state: &'a VolumeState,
     pub(super) optics: &'a Optics,
@@ -47,13 +47,13 @@ impl Stage {
     }
 }
 
-impl Task<'_> {
+impl PropertySearch<'_> {
     pub(super) fn solve(&self, engine: &mut Engine, place: Place, steps: &mut Steps<'_>) -> Result<Stage> {
         steps.begin("tracing", None);
         check_light(self.scene, self.optics, self.find)?;
         let problem =
             VolumeProblem::new(self.scene, &self.state.medium, self.optics, self.desired, self.find)?;
-        let memory = Memory::of_volume(self.scene);
+        let memory = MemoryBudget::of_volume(self.scene);
         let settings = memory.settled(VolumeProblem::settings(self.scene, self.find), &problem)?;
         let name = format!("{}checkpoint", place.prefix);
         let keeper = |folder| Keeper::new(folder, &name, &settings, &problem);
@@ -72,7 +72,7 @@ impl Task<'_> {
             },
             _ => None,
         };
-        let task = compute::Task {
+        let task = ProblemSolve {
             problem: &problem,
             settings: &settings,
             memory: &memory,

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::super::engine::Engine;
 use super::super::steps::{Steps, Timings};
-use super::stage::{Place, Stage, Task};
-use super::{nothing_asked, pictures};
+use super::pictures::{nothing_asked, view_pictures};
+use super::stage::{Place, PropertySearch, Stage};
 use crate::Result;
 use crate::problem::{Desired, Determined, Model, Optics, VolumeProblem, VolumeState};
 use crate::report::{Change, Report, StageRecord, ViewMatch};
@@ -25,37 +25,50 @@ pub(super) struct Distance {
     pub(super) sums: [f64; 2],
 }
 
-/// What the stages of a scene have come to.
-pub(super) struct Outcome {
+/// What some stages have come to, and what that shows.
+pub(super) struct Attained {
     pub(super) state: VolumeState,
     pub(super) optics: Optics,
     pub(super) desired: Vec<Desired>,
-    /// The pictures before the first stage, and after the last.
+    /// The pictures before the first stage, and as they are.
     pub(super) before: Vec<Image>,
     pub(super) after: Vec<Image>,
+    /// How far both are from what is wanted.
     pub(super) distances: [Distance; 2],
     /// The voxels that were found.
     pub(super) determined: Vec<Determined>,
+}
+
+impl Attained {
+    /// How far the pictures are from what is wanted.
+    fn distance(&self) -> f64 {
+        self.distances[1].all
+    }
+}
+
+/// What all stages of a scene have come to.
+pub(super) struct StagesOutcome {
+    pub(super) attained: Attained,
     /// Each stage in a few numbers, and the last one whole.
     pub(super) records: Vec<StageRecord>,
     pub(super) last: Stage,
 }
 
-impl Outcome {
+impl StagesOutcome {
     pub(super) fn is_interrupted(&self) -> bool {
         self.last.computed.is_interrupted()
     }
 
     /// The numbers of the last stage, and a summary of each.
     pub(super) fn report(&self, scene: &VolumeScene, timings: &Timings) -> Result<Report> {
-        let [before, after] = &self.distances;
+        let [before, after] = &self.attained.distances;
         let about = (scene.name.as_str(), scene.target, scene.pixels());
         let mut report = self.last.findings().report("volume", about, timings)?;
         let finds: Vec<&str> = self.records.iter().map(|stage| stage.find.as_str()).collect();
         report.settings.insert("looked_for".to_owned(), finds.join(", then "));
         Ok(Report {
             weighted_residual: Change { before: before.all, after: after.all },
-            matched: matched(scene, &self.desired, [before, after]),
+            matched: matched(scene, &self.attained.desired, [before, after]),
             stages: self.records.clone(),
             ..report
         })
@@ -105,10 +118,10 @@ pub(super) fn run(
     engine: &mut Engine,
     place: Place,
     steps: &mut Steps<'_>,
-) -> Result<Outcome> {
+) -> Result<StagesOutcome> {
     let mut course = Course::begin(scene, geometry, engine, place, steps)?;
     'rounds: for round in 0..scene.rounds {
-        let at_start = course.now.all;
+        let at_start = course.attained.distance();
         for &find in &scene.stages {
             course.look_under(VolumeProblem::model(scene, find))?;
             match find {
@@ -119,7 +132,7 @@ pub(super) fn run(
                 break 'rounds;
             }
         }
-        if at_start - course.now.all <= LEAST_GAIN * at_start {
+        if at_start - course.attained.distance() <= LEAST_GAIN * at_start {
             break;
         }
     }
@@ -132,17 +145,9 @@ struct Course<'a, 's> {
     engine: &'a mut Engine,
     place: Place<'a>,
     steps: &'a mut Steps<'s>,
-    desired: Vec<Desired>,
-    state: VolumeState,
-    optics: Optics,
-    /// The pictures at the beginning, and as they are, under what model of light.
-    before: Vec<Image>,
-    after: Vec<Image>,
+    attained: Attained,
+    /// The model of light that its pictures are drawn under.
     drawn: Model,
-    /// How far they are from what is wanted.
-    first: Distance,
-    now: Distance,
-    determined: Vec<Determined>,
     records: Vec<StageRecord>,
     last: Option<Stage>,
 }
@@ -159,40 +164,26 @@ impl<'a, 's> Course<'a, 's> {
         let state = VolumeState::of(scene)?;
         let optics = Optics::new(scene, geometry, &state)?;
         let drawn = VolumeProblem::model(scene, *scene.stages.first().ok_or_else(nothing_asked)?);
-        let before = pictures(scene, &state.medium, &optics, drawn, steps)?;
+        let before = view_pictures(scene, &state.medium, &optics, drawn, steps)?;
         let desired = Desired::of(scene, &|view| Ok(before[view].clone()))?;
         let first = distance(&desired, &before);
-        Ok(Self {
-            scene,
-            engine,
-            place,
-            steps,
-            desired,
-            state,
-            optics,
-            after: before.clone(),
-            before,
-            drawn,
-            now: first.clone(),
-            first,
-            determined: Vec::new(),
-            records: Vec::new(),
-            last: None,
-        })
+        let (after, distances) = (before.clone(), [first.clone(), first]);
+        let determined = Vec::new();
+        let attained = Attained { state, optics, desired, before, after, distances, determined };
+        Ok(Self { scene, engine, place, steps, attained, drawn, records: Vec::new(), last: None })
     }
 
-    fn end(self) -> Result<Outcome> {
-        let Self { state, optics, desired, before, after, determined, records, .. } = self;
+    fn end(self) -> Result<StagesOutcome> {
         let last = self.last.ok_or_else(nothing_asked)?;
-        let distances = [self.first, self.now];
-        Ok(Outcome { state, optics, desired, before, after, distances, determined, records, last })
+        Ok(StagesOutcome { attained: self.attained, records: self.records, last })
     }
 
     /// Draws the pictures under another model of light.
     fn look_under(&mut self, model: Model) -> Result<()> {
         if model != self.drawn {
-            self.after = pictures(self.scene, &self.state.medium, &self.optics, model, self.steps)?;
-            (self.drawn, self.now) = (model, distance(&self.desired, &self.after));
+            let Attained { state, optics, desired, after, distances, .. } = &mut self.attained;
+            *after = view_pictures(self.scene, &state.medium, optics, model, self.steps)?;
+            (self.drawn, distances[1]) = (model, distance(desired, after));
         }
         Ok(())
     }
@@ -201,10 +192,11 @@ impl<'a, 's> Course<'a, 's> {
     fn take(&mut self, find: Find, round: usize) -> Result<()> {
         let stage = self.solve(find)?;
         let view = self.view(find, &stage.state)?;
+        let before = self.attained.distance();
         // In rounds nothing is taken that is farther away.
-        let is_taken = self.scene.rounds == 1 || view.distance.all <= self.now.all;
-        let reached = if is_taken { view.distance.all } else { self.now.all };
-        self.records.push(record(&stage, round, is_taken, [self.now.all, reached])?);
+        let is_taken = self.scene.rounds == 1 || view.distance.all <= before;
+        let after = if is_taken { view.distance.all } else { before };
+        self.records.push(record(&stage, round, is_taken, [before, after])?);
         if is_taken {
             self.put(&stage, stage.state.clone(), view);
         }
@@ -220,35 +212,38 @@ impl<'a, 's> Course<'a, 's> {
     }
 
     fn solve(&mut self, find: Find) -> Result<Stage> {
-        let Self { scene, engine, place, steps, desired, state, optics, .. } = self;
-        Task { scene, state, optics, desired, find }.solve(engine, *place, steps)
+        let Self { scene, engine, place, steps, attained, .. } = self;
+        let Attained { state, optics, desired, .. } = attained;
+        PropertySearch { scene, state, optics, desired, find }.solve(engine, *place, steps)
     }
 
     /// What a state shows that differs from the one there is by what was looked for.
-    fn view(&mut self, find: Find, state: &VolumeState) -> Result<View> {
+    fn view(&mut self, find: Find, state: &VolumeState) -> Result<ViewedState> {
         // Emission and albedo change nothing about how light comes through.
         let optics = match find {
             Find::Extinction | Find::Refinement | Find::Environment => {
                 self.steps.begin("lighting", None);
-                Optics::new(self.scene, self.optics.geometry(), state)?
+                Optics::new(self.scene, self.attained.optics.geometry(), state)?
             }
-            Find::Emission | Find::Albedo | Find::Joint => self.optics.clone(),
+            Find::Emission | Find::Albedo | Find::Joint => self.attained.optics.clone(),
         };
-        let pictures = pictures(self.scene, &state.medium, &optics, self.drawn, self.steps)?;
-        Ok(View { distance: distance(&self.desired, &pictures), optics, pictures })
+        let pictures = view_pictures(self.scene, &state.medium, &optics, self.drawn, self.steps)?;
+        Ok(ViewedState { distance: distance(&self.attained.desired, &pictures), optics, pictures })
     }
 
     /// Takes a state that a stage has found.
-    fn put(&mut self, stage: &Stage, state: VolumeState, view: View) {
+    fn put(&mut self, stage: &Stage, state: VolumeState, view: ViewedState) {
         let found = Determined::by(&stage.problem, &stage.computed.solved.columns);
-        self.determined.retain(|old| found.iter().all(|new| new.property != old.property));
-        self.determined.extend(found);
-        (self.state, self.optics, self.after, self.now) = (state, view.optics, view.pictures, view.distance);
+        let now = &mut self.attained;
+        now.determined.retain(|old| found.iter().all(|new| new.property != old.property));
+        now.determined.extend(found);
+        (now.state, now.optics, now.after) = (state, view.optics, view.pictures);
+        now.distances[1] = view.distance;
     }
 }
 
 /// A state's light, its pictures, and how far they are from what is wanted.
-struct View {
+struct ViewedState {
     optics: Optics,
     pictures: Vec<Image>,
     distance: Distance,
@@ -257,14 +252,14 @@ struct View {
 /// The extinction behind pictures that do not depend on it linearly.
 struct Refinement<'c, 'a, 's> {
     course: &'c mut Course<'a, 's>,
-    looked: Option<(VolumeState, View)>,
+    looked: Option<(VolumeState, ViewedState)>,
 }
 
 impl NonLinear for Refinement<'_, '_, '_> {
     type Step = Stage;
 
     fn distance(&self) -> f64 {
-        self.course.now.all
+        self.course.attained.distance()
     }
 
     fn step(&mut self) -> Result<Stage> {
@@ -275,7 +270,7 @@ impl NonLinear for Refinement<'_, '_, '_> {
         let (from, to) = (&stage.problem.start, &stage.computed.solved.x);
         let part = |(from, to): (&Rgb, &Rgb)| std::array::from_fn(|c| from[c] + share * (to[c] - from[c]));
         let x: Vec<Rgb> = from.iter().zip(to).map(part).collect();
-        let state = stage.problem.apply(&self.course.state, &x)?;
+        let state = stage.problem.apply(&self.course.attained.state, &x)?;
         let view = self.course.view(stage.problem.find, &state)?;
         let distance = view.distance.all;
         self.looked = Some((state, view));

@@ -11,7 +11,7 @@ pub(super) enum Task {
 
 /// What computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum CaseBackend {
     Cpu,
     #[cfg(feature = "gpu")]
     Gpu,
@@ -19,7 +19,7 @@ pub(super) enum Place {
 
 /// What lies between the values of the unknowns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum Between {
+pub(super) enum CaseBasis {
     Nearest,
     Linear,
 }
@@ -35,9 +35,9 @@ pub(super) enum Precision {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Case {
     pub(super) task: Task,
-    pub(super) place: Place,
+    pub(super) place: CaseBackend,
     pub(super) quadrature: Quadrature,
-    pub(super) between: Between,
+    pub(super) basis: CaseBasis,
     pub(super) precision: Precision,
     pub(super) strategy: Strategy,
 }
@@ -72,16 +72,16 @@ impl Case {
             Quadrature::Exact => "exact".to_owned(),
             Quadrature::March { steps } => format!("march {steps}"),
         };
-        let [place, between, precision, strategy] = self.words();
-        format!("{task}/{place}/{traversal}/{between}/{precision}/{strategy}")
+        let [place, basis, precision, strategy] = self.words();
+        format!("{task}/{place}/{traversal}/{basis}/{precision}/{strategy}")
     }
 
     /// Backend, basis, precision and strategy.
     pub(super) fn words(&self) -> [&'static str; 4] {
         let place = match self.place {
-            Place::Cpu => "cpu",
+            CaseBackend::Cpu => "cpu",
             #[cfg(feature = "gpu")]
-            Place::Gpu => "gpu",
+            CaseBackend::Gpu => "gpu",
         };
         let precision = match self.precision {
             Precision::F32 => "f32",
@@ -91,7 +91,7 @@ impl Case {
             Strategy::MatrixFree => "matrix-free",
             _ => "assembled",
         };
-        [place, self.between.name(), precision, strategy]
+        [place, self.basis.name(), precision, strategy]
     }
 
     /// Whether a level includes it.
@@ -103,13 +103,13 @@ impl Case {
             (Level::Usual, Task::Solve(..)) => exact || plain,
             (Level::Quick, Task::Product) => exact || self.precision == Precision::F32,
             (Level::Quick, Task::Solve(solver, _)) => {
-                plain && self.between == Between::Linear && (exact || solver == SolverName::default())
+                plain && self.basis == CaseBasis::Linear && (exact || solver == SolverName::default())
             }
         }
     }
 }
 
-impl Between {
+impl CaseBasis {
     pub(super) const ALL: [Self; 2] = [Self::Nearest, Self::Linear];
 
     pub(super) fn name(self) -> &'static str {
@@ -121,7 +121,7 @@ impl Between {
 }
 
 /// The cases of a level, products first; `marches` where rows can be marched at all.
-pub(super) fn cases(level: Level, places: &[Place], marches: bool) -> Vec<Case> {
+pub(super) fn cases(level: Level, places: &[CaseBackend], marches: bool) -> Vec<Case> {
     let steps: &[u32] = match (marches, level) {
         (false, _) => &[],
         (_, Level::Quick) => &FEW_STEPS,
@@ -132,12 +132,12 @@ pub(super) fn cases(level: Level, places: &[Place], marches: bool) -> Vec<Case> 
     let solves = SolverName::ALL.map(|solver| Task::Solve(solver, TOLERANCE));
     let mut cases = Vec::new();
     for task in std::iter::once(Task::Product).chain(solves) {
-        for between in Between::ALL {
+        for basis in CaseBasis::ALL {
             for &place in places {
                 for precision in [Precision::F32, Precision::F64] {
                     for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
                         for &quadrature in &quadratures {
-                            cases.push(Case { task, place, quadrature, between, precision, strategy });
+                            cases.push(Case { task, place, quadrature, basis, precision, strategy });
                         }
                     }
                 }
@@ -145,7 +145,9 @@ pub(super) fn cases(level: Level, places: &[Place], marches: bool) -> Vec<Case> 
         }
     }
     // Adapters compute in f32.
-    cases.retain(|case| case.is_of(level) && (case.place == Place::Cpu || case.precision == Precision::F32));
+    cases.retain(|case| {
+        case.is_of(level) && (case.place == CaseBackend::Cpu || case.precision == Precision::F32)
+    });
     if level != Level::Quick {
         cases.extend(races());
     }
@@ -157,9 +159,9 @@ fn races() -> impl Iterator<Item = Case> {
     TOLERANCES.into_iter().flat_map(|tolerance| {
         SolverName::ALL.into_iter().map(move |solver| Case {
             task: Task::Solve(solver, tolerance),
-            place: Place::Cpu,
+            place: CaseBackend::Cpu,
             quadrature: Quadrature::Exact,
-            between: Between::Linear,
+            basis: CaseBasis::Linear,
             precision: Precision::F32,
             strategy: Strategy::Assembled,
         })
@@ -172,8 +174,9 @@ mod tests {
 
     #[test]
     fn names_are_those_of_one_case_each_and_levels_contain_each_other() {
-        let names =
-            |level| -> Vec<String> { cases(level, &[Place::Cpu], true).iter().map(Case::name).collect() };
+        let names = |level| -> Vec<String> {
+            cases(level, &[CaseBackend::Cpu], true).iter().map(Case::name).collect()
+        };
         let [quick, usual, all] = [Level::Quick, Level::Usual, Level::All].map(names);
         for names in [&quick, &usual, &all] {
             let mut unique = names.clone();
@@ -186,7 +189,9 @@ mod tests {
         // Nine solvers and products, ten traversals, two bases, precisions and strategies; eighteen races.
         assert_eq!(all.len(), 10 * 10 * 8 + 18);
         assert!(
-            cases(Level::All, &[Place::Cpu], false).iter().all(|case| case.quadrature == Quadrature::Exact)
+            cases(Level::All, &[CaseBackend::Cpu], false)
+                .iter()
+                .all(|case| case.quadrature == Quadrature::Exact)
         );
     }
 }

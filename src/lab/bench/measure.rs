@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 #[cfg(feature = "gpu")]
-use super::cases::Place;
+use super::cases::CaseBackend;
 use super::cases::{Case, Precision, Task};
 use super::reference::Sample;
 #[cfg(feature = "gpu")]
@@ -84,13 +84,13 @@ pub(super) struct Times {
 }
 
 /// Measures cases.
-pub(super) struct Bench {
+pub(super) struct CaseMeter {
     pub(super) patience: Patience,
     #[cfg(feature = "gpu")]
     pub(super) gpu: Option<Gpu>,
 }
 
-impl Bench {
+impl CaseMeter {
     /// Measures a case; none where it is not possible, which is not wrong.
     ///
     /// Errors: [`Error::NonFinite`] naming the case, and those of the operator and the method.
@@ -111,9 +111,9 @@ impl Bench {
         let clock = Instant::now();
         problem.replan();
         let planning = clock.elapsed().as_secs_f64();
-        let (run, problem) = (Run { bench: self, scene, case, sample, problem, planning }, &*problem);
+        let (run, problem) = (CaseRun { bench: self, scene, case, sample, problem, planning }, &*problem);
         #[cfg(feature = "gpu")]
-        if let (Place::Gpu, Some(gpu)) = (case.place, &self.gpu) {
+        if let (CaseBackend::Gpu, Some(gpu)) = (case.place, &self.gpu) {
             return run.with(|| problem.on_gpu(gpu, case.strategy, u64::MAX, false));
         }
         match case.precision {
@@ -124,8 +124,8 @@ impl Bench {
 }
 
 /// A case on its way.
-struct Run<'a> {
-    bench: &'a Bench,
+struct CaseRun<'a> {
+    bench: &'a CaseMeter,
     scene: &'a str,
     case: &'a Case,
     sample: &'a Sample,
@@ -134,7 +134,7 @@ struct Run<'a> {
     planning: f64,
 }
 
-impl Run<'_> {
+impl CaseRun<'_> {
     fn with<O: TransportOperator>(&self, make: impl Fn() -> Result<O>) -> Result<Record> {
         match self.case.task {
             Task::Product => self.product(make),

@@ -18,16 +18,16 @@ use crate::Result;
 use crate::job::{Backend, Engine, EngineChoice, Folder, Observer, Step, Stop, processor};
 use crate::report::bench::{self as report, Held, Record, Skipped, Sweep};
 pub use cases::Level;
-use cases::{Between, Case, Place, cases};
+use cases::{Case, CaseBackend, CaseBasis, cases};
 use counts::Counts;
 #[cfg(feature = "cli")]
 pub(crate) use counts::LEFT_OUT;
 use log::Log;
-use measure::{Bench, Patience};
+use measure::{CaseMeter, Patience};
 use reference::Sample;
-use scaling::Scaling;
+use scaling::ScalingSweeps;
 use skipping::Comparison;
-use subject::Source;
+use subject::SceneSource;
 
 /// Rows of a sample where nothing is said, and in a hurry.
 const ROWS: usize = 1024;
@@ -55,7 +55,7 @@ fn patience(level: Level, stop: &Stop) -> Patience {
 
 /// What was measured of all scenes.
 #[derive(Default)]
-struct Found {
+struct SceneResults {
     records: Vec<Record>,
     scaling: Vec<Sweep>,
     skipping: Vec<Skipped>,
@@ -92,8 +92,8 @@ impl Benchmark {
     /// Errors: those of scenes and of the engine; [`crate::Error::File`].
     pub fn run(&self, observer: &mut impl Observer) -> Result<(report::Bench, usize)> {
         let sources = match self.scenes.is_empty() {
-            true => Source::known(),
-            false => self.scenes.iter().cloned().map(Source::File).collect(),
+            true => SceneSource::known(),
+            false => self.scenes.iter().cloned().map(SceneSource::File).collect(),
         };
         let rows = self.rows.unwrap_or(if self.level == Level::Quick { FEW_ROWS } else { ROWS });
         // Whatever is wrong with a scene is said before anything is measured.
@@ -106,7 +106,7 @@ impl Benchmark {
             asked: self,
             rows,
             places: places(&engine, self.engine.backend),
-            bench: Bench {
+            bench: CaseMeter {
                 patience: patience(self.level, &self.stop),
                 #[cfg(feature = "gpu")]
                 gpu: engine.gpu().cloned(),
@@ -115,7 +115,7 @@ impl Benchmark {
         let folder = Folder::create(&self.folder)?;
         let kind = format!("{:016x}", fingerprint(&sources, &session)?);
         let mut log = Log::open(folder.path(), &kind, self.resume, &self.stop)?;
-        let mut found = Found::default();
+        let mut found = SceneResults::default();
         for source in sources.iter().take_while(|_| !self.stop.is_asked()) {
             session.scene(source, &mut log, observer, &mut found)?;
         }
@@ -134,26 +134,26 @@ impl Benchmark {
 struct Session<'a> {
     asked: &'a Benchmark,
     rows: usize,
-    places: Vec<Place>,
-    bench: Bench,
+    places: Vec<CaseBackend>,
+    bench: CaseMeter,
 }
 
 impl Session<'_> {
     fn scene(
         &self,
-        source: &Source,
+        source: &SceneSource,
         log: &mut Log,
         observer: &mut dyn Observer,
-        found: &mut Found,
+        found: &mut SceneResults,
     ) -> Result<()> {
         let stop = &self.asked.stop;
         let name = source.name();
         let mut samples: [Option<Sample>; 2] = [None, None];
         // A scene is only made when something of it is not known yet.
-        let sample = |samples: &mut [Option<Sample>; 2], between: Between| -> Result<()> {
-            let place = &mut samples[between as usize];
+        let sample = |samples: &mut [Option<Sample>; 2], basis: CaseBasis| -> Result<()> {
+            let place = &mut samples[basis as usize];
             if place.is_none() {
-                *place = Some(Sample::new(source.load(&[])?, between, self.rows, stop)?);
+                *place = Some(Sample::new(source.load(&[])?, basis, self.rows, stop)?);
             }
             Ok(())
         };
@@ -166,8 +166,8 @@ impl Session<'_> {
             }
             observer.advances(index as u64, &case.name());
             let record = log.once(&format!("{name}/{}", case.name()), || {
-                sample(&mut samples, case.between)?;
-                match &samples[case.between as usize] {
+                sample(&mut samples, case.basis)?;
+                match &samples[case.basis as usize] {
                     Some(sample) => self.bench.measure(&name, case, sample),
                     None => Ok(None),
                 }
@@ -178,8 +178,8 @@ impl Session<'_> {
             return Ok(());
         }
         let skipping = log.once(&format!("{name}/skipping"), || {
-            sample(&mut samples, Between::Linear)?;
-            match &samples[Between::Linear as usize] {
+            sample(&mut samples, CaseBasis::Linear)?;
+            match &samples[CaseBasis::Linear as usize] {
                 Some(sample) => {
                     Comparison { patience: &self.bench.patience, source, sample, rows: self.rows }.run()
                 }
@@ -188,13 +188,13 @@ impl Session<'_> {
         })?;
         found.skipping.extend(skipping.unwrap_or_default());
         let quick = self.asked.level == Level::Quick;
-        let scaling = Scaling { patience: self.bench.patience.clone(), source, quick };
+        let scaling = ScalingSweeps { patience: self.bench.patience.clone(), source, quick };
         let mut begin = |over: &str| observer.begins(&Step { name: over, within: &name, parts: None });
         found.scaling.extend(scaling.run(log, &mut begin)?);
         Ok(())
     }
 
-    fn findings(&self, found: Found, engine: &Engine, before: &[Counts]) -> report::Bench {
+    fn findings(&self, found: SceneResults, engine: &Engine, before: &[Counts]) -> report::Bench {
         let complete = !self.asked.stop.is_asked();
         let mut laws = laws::laws(&found.records, &found.skipping);
         laws.extend(counts::laws(before, &found.records, complete));
@@ -217,15 +217,15 @@ impl Session<'_> {
 }
 
 /// What computes: the processor, an adapter, or both.
-fn places(engine: &Engine, asked: Backend) -> Vec<Place> {
+fn places(engine: &Engine, asked: Backend) -> Vec<CaseBackend> {
     #[cfg(feature = "gpu")]
     match (engine, asked) {
-        (Engine::Gpu { .. }, Backend::Gpu) => return vec![Place::Gpu],
-        (Engine::Gpu { .. }, _) => return vec![Place::Cpu, Place::Gpu],
+        (Engine::Gpu { .. }, Backend::Gpu) => return vec![CaseBackend::Gpu],
+        (Engine::Gpu { .. }, _) => return vec![CaseBackend::Cpu, CaseBackend::Gpu],
         _ => {}
     }
     let _only_the_processor = (engine, asked);
-    vec![Place::Cpu]
+    vec![CaseBackend::Cpu]
 }
 
 /// The adapter in words.
@@ -238,7 +238,7 @@ fn adapter(engine: &Engine) -> Option<String> {
 }
 
 /// Tells runs apart that measure different things: their records are not to be mixed.
-fn fingerprint(sources: &[Source], session: &Session<'_>) -> Result<u64> {
+fn fingerprint(sources: &[SceneSource], session: &Session<'_>) -> Result<u64> {
     let mut hasher = DefaultHasher::new();
     for source in sources {
         source.name().hash(&mut hasher);

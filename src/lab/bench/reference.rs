@@ -2,9 +2,9 @@
 
 use std::cell::OnceCell;
 
-use super::cases::Between;
+use super::cases::CaseBasis;
 use super::subject;
-use crate::job::{Asked, Scenes, Stop};
+use crate::job::{AskedProblem, Scenes, Stop};
 use crate::operator::{Blocks, CpuVector, LinearOperator, OnHost, TransportOperator, Vector};
 use crate::problem::{Problem, Snapshot, Solved, System, measure, solve};
 use crate::scene::{MetricName, Quadrature, Rgb, SolveSettings, SolverName, Strategy};
@@ -49,8 +49,8 @@ pub(super) struct Reference {
 
 impl Sample {
     /// Samples at most so many rows of a scene.
-    pub(super) fn new(scenes: Scenes, between: Between, rows: usize, stop: &Stop) -> Result<Self> {
-        let Asked { problem, settings, .. } = subject::problem(&subject::with(scenes, between))?;
+    pub(super) fn new(scenes: Scenes, basis: CaseBasis, rows: usize, stop: &Stop) -> Result<Self> {
+        let AskedProblem { problem, settings, .. } = subject::problem(&subject::with(scenes, basis))?;
         let problem = problem.sampled(rows);
         let problem = problem.integrated(Quadrature::Exact, None).unwrap_or(problem);
         stop.go_on()?;

@@ -5,11 +5,11 @@ use std::time::Instant;
 
 use super::log::Log;
 use super::measure::Patience;
-use super::subject::{self, Source};
-use crate::job::{Asked, Scenes};
+use super::subject::{self, SceneSource};
+use crate::job::{AskedProblem, Scenes};
 use crate::operator::{TransportOperator, Vector};
 use crate::problem::{Problem, evenly};
-use crate::report::bench::{Point, Sweep};
+use crate::report::bench::{Sweep, SweepPoint};
 use crate::scene::{Find, Rgb, Strategy, VolumeScene};
 use crate::{Error, Result};
 
@@ -20,9 +20,9 @@ const FEW_ROWS: usize = 2048;
 const LEAST_SIDE: usize = 64;
 
 /// Measures how the cost of a scene grows.
-pub(super) struct Scaling<'a> {
+pub(super) struct ScalingSweeps<'a> {
     pub(super) patience: Patience,
-    pub(super) source: &'a Source,
+    pub(super) source: &'a SceneSource,
     pub(super) quick: bool,
 }
 
@@ -38,13 +38,13 @@ enum Grows {
 }
 
 /// What grows, in words, and what does not.
-struct Plan {
+struct SweepPlan {
     over: &'static str,
     held: &'static str,
     grows: Grows,
 }
 
-impl Scaling<'_> {
+impl ScalingSweeps<'_> {
     /// All sweeps that make sense for the scene.
     pub(super) fn run(&self, log: &mut Log, begin: &mut dyn FnMut(&str)) -> Result<Vec<Sweep>> {
         let scenes = self.source.load(&[])?;
@@ -72,7 +72,7 @@ impl Scaling<'_> {
         values.into_iter().take_while(|_| !self.patience.stop.is_asked()).map(make).collect()
     }
 
-    fn points(&self, grows: &Grows) -> Result<Vec<Point>> {
+    fn points(&self, grows: &Grows) -> Result<Vec<SweepPoint>> {
         match grows {
             Grows::Rows => self.over_rows(),
             Grows::Views => self.over_views(),
@@ -82,14 +82,14 @@ impl Scaling<'_> {
     }
 
     /// The problem is made of all rows whatever is measured of it, so its seconds say nothing of theirs.
-    fn over_rows(&self) -> Result<Vec<Point>> {
+    fn over_rows(&self) -> Result<Vec<SweepPoint>> {
         let problem = subject::problem(&self.source.load(&[])?)?.problem.sampled(self.most());
         self.each(self.shares(problem.rows()), |rows| self.point(rows as f64, None, problem.sampled(rows)))
     }
 
     /// As many rows of each view. Of the problem, seconds are those of a scene with these views alone, each as it is painted;
     /// the rest is measured with rows of the whole scene's, through the same maps or medium.
-    fn over_views(&self) -> Result<Vec<Point>> {
+    fn over_views(&self) -> Result<Vec<SweepPoint>> {
         let whole = subject::problem(&self.source.load(&[])?)?.problem;
         let mut rows = BTreeMap::<usize, Vec<usize>>::new();
         for row in 0..whole.rows() {
@@ -107,7 +107,7 @@ impl Scaling<'_> {
         })
     }
 
-    fn over_threads(&self) -> Result<Vec<Point>> {
+    fn over_threads(&self) -> Result<Vec<SweepPoint>> {
         let most = rayon::current_num_threads();
         let powers = (0..).map(|power| 1usize << power).take_while(|&threads| threads < most);
         self.each(powers.chain([most]), |threads| {
@@ -119,7 +119,7 @@ impl Scaling<'_> {
     }
 
     /// Fewer voxels may be in fewer rows; of all sizes as many are measured as there are at the size with the fewest.
-    fn over_setting(&self, sizes: &[(f64, String)]) -> Result<Vec<Point>> {
+    fn over_setting(&self, sizes: &[(f64, String)]) -> Result<Vec<SweepPoint>> {
         let all = self.each(sizes, |(size, setting)| {
             let (problem, seconds) = made(&self.source.load(std::slice::from_ref(setting))?)?;
             Ok((*size, seconds, problem.sampled(self.most())))
@@ -128,12 +128,17 @@ impl Scaling<'_> {
         self.each(all, |(size, seconds, problem)| self.point(size, Some(seconds), problem.sampled(fewest)))
     }
 
-    fn point(&self, size: f64, problem_seconds: Option<f64>, mut problem: Box<dyn Problem>) -> Result<Point> {
+    fn point(
+        &self,
+        size: f64,
+        problem_seconds: Option<f64>,
+        mut problem: Box<dyn Problem>,
+    ) -> Result<SweepPoint> {
         let clock = Instant::now();
         problem.replan();
         let planning = clock.elapsed().as_secs_f64();
         let (times, bytes) = self.cost(|| problem.on_cpu(Strategy::Assembled, u64::MAX))?;
-        Ok(Point {
+        Ok(SweepPoint {
             size,
             rows: problem.rows() as u64,
             problem_seconds,
@@ -167,8 +172,8 @@ impl Scaling<'_> {
         shares
     }
 
-    fn plans(&self, scenes: &Scenes) -> Vec<Plan> {
-        let plan = |over, held, grows| Plan { over, held, grows };
+    fn plans(&self, scenes: &Scenes) -> Vec<SweepPlan> {
+        let plan = |over, held, grows| SweepPlan { over, held, grows };
         match scenes {
             Scenes::Animation(_) => Vec::new(),
             Scenes::LightMap(scene) => vec![
@@ -235,7 +240,7 @@ impl Scaling<'_> {
 }
 
 /// What a sweep holds, in words.
-fn held(plan: &Plan, points: &[Point]) -> String {
+fn held(plan: &SweepPlan, points: &[SweepPoint]) -> String {
     let Some(first) = points.first() else { return plan.held.to_owned() };
     let rows = match plan.grows {
         Grows::Rows => return format!("{}; the problem is made of all of them", plan.held),
@@ -247,7 +252,7 @@ fn held(plan: &Plan, points: &[Point]) -> String {
 
 /// The problem, and the seconds that making it takes once there is a hierarchy.
 fn made(scenes: &Scenes) -> Result<(Box<dyn Problem>, f64)> {
-    let Asked { problem, seconds, .. } = subject::problem(scenes)?;
+    let AskedProblem { problem, seconds, .. } = subject::problem(scenes)?;
     Ok((problem, seconds))
 }
 

@@ -2,10 +2,10 @@
 
 use std::time::Instant;
 
-use super::cases::Between;
+use super::cases::CaseBasis;
 use super::measure::Patience;
 use super::reference::{Sample, relative};
-use super::subject::{self, Source};
+use super::subject::{self, SceneSource};
 use crate::Result;
 use crate::lab::check::AGAINST_EXPLICIT;
 use crate::operator::{CpuVector, LinearOperator, Vector};
@@ -23,7 +23,7 @@ const TOLERANCE: f64 = 1e-3;
 /// Compares a scene with and without each thing that is skipped.
 pub(super) struct Comparison<'a> {
     pub(super) patience: &'a Patience,
-    pub(super) source: &'a Source,
+    pub(super) source: &'a SceneSource,
     pub(super) sample: &'a Sample,
     /// Rows of a sample.
     pub(super) rows: usize,
@@ -69,7 +69,7 @@ impl Comparison<'_> {
     /// Rows without weight; none where something is wanted of every pixel.
     fn unpainted_pixels(&self) -> Result<Option<Skipped>> {
         let scenes = self.source.load(&["solve.skip.pixels=false".to_owned()])?;
-        let all = subject::problem(&subject::with(scenes, Between::Linear))?.problem;
+        let all = subject::problem(&subject::with(scenes, CaseBasis::Linear))?.problem;
         let weighs = |problem: &dyn Problem| -> Vec<usize> {
             let weights = problem.weights().0;
             (0..weights.len()).filter(|&row| weights[row] != [0.0; 3]).collect()

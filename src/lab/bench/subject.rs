@@ -3,22 +3,22 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::cases::Between;
+use super::cases::CaseBasis;
 use crate::io::scene_file;
-use crate::job::{Asked, Job, Quiet, Scenes, Steps, Stop};
+use crate::job::{AskedProblem, Job, Quiet, Scenes, Steps, Stop};
 use crate::scene::{Basis, Find, Interpolation, RegularizationWeight, SolveSettings};
 use crate::{Error, Result};
 
 /// Where a scene comes from.
 #[derive(Debug, Clone)]
-pub(super) enum Source {
+pub(super) enum SceneSource {
     /// A file.
     File(PathBuf),
     /// A text that is part of the program, and its name.
     Known(&'static str, &'static str),
 }
 
-impl Source {
+impl SceneSource {
     /// The small scenes that need no file.
     pub(super) fn known() -> Vec<Self> {
         vec![Self::Known("hall", include_str!("hall.json")), Self::Known("mist", include_str!("mist.json"))]
@@ -60,18 +60,18 @@ impl Source {
 }
 
 /// The same with another basis.
-pub(super) fn with(mut scenes: Scenes, between: Between) -> Scenes {
+pub(super) fn with(mut scenes: Scenes, basis: CaseBasis) -> Scenes {
     match &mut scenes {
         Scenes::LightMap(scene) => {
-            Arc::make_mut(scene).solve.basis = match between {
-                Between::Nearest => Basis::Nearest,
-                Between::Linear => Basis::Bilinear,
+            Arc::make_mut(scene).solve.basis = match basis {
+                CaseBasis::Nearest => Basis::Nearest,
+                CaseBasis::Linear => Basis::Bilinear,
             };
         }
         Scenes::Volume(scene) => {
-            Arc::make_mut(scene).medium.interpolation = match between {
-                Between::Nearest => Interpolation::Nearest,
-                Between::Linear => Interpolation::Trilinear,
+            Arc::make_mut(scene).medium.interpolation = match basis {
+                CaseBasis::Nearest => Interpolation::Nearest,
+                CaseBasis::Linear => Interpolation::Trilinear,
             };
         }
         Scenes::Animation(_) => {}
@@ -105,7 +105,7 @@ pub(super) fn can_march(scenes: &Scenes) -> bool {
 
 /// Its problem, of several stages the first. It is solved with weights that are numbers, and no end but the tolerance's and the
 /// iterations'.
-pub(super) fn problem(scenes: &Scenes) -> Result<Asked> {
+pub(super) fn problem(scenes: &Scenes) -> Result<AskedProblem> {
     let (mut quiet, stop) = (Quiet, Stop::default());
     let mut steps = Steps::new(&mut quiet, &stop, Vec::new());
     let mut asked = scenes.asked(&scenes.geometry()?, &mut steps)?.swap_remove(0);

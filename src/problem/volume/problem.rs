@@ -17,7 +17,7 @@ use crate::march::{
     Quantity, Refraction, Traversal, VolumeTransport, VolumeTraversal, VoxelElements, Weight,
 };
 use crate::operator::{CpuVector, OnHost, WalkPlan};
-use crate::problem::looked_for::{explicit, on_host, row_of};
+use crate::problem::looked_for::{Nouns, explicit, on_host, row_of};
 use crate::problem::{Formulation, Lattice, Part, Problem, Start, Unskipped, evenly};
 use crate::scene::{
     Environment, Find, MetricName, Quadrature, Rgb, SolveSettings, Strategy, Volume, VolumeMedium,
@@ -448,6 +448,16 @@ impl Problem for VolumeProblem {
         ];
         let counted = some.into_iter().filter(|(_, [count, _])| *count > 0);
         std::iter::once(("empty_bricks", bricks)).chain(counted).collect()
+    }
+
+    fn nouns(&self) -> Nouns {
+        let found = match self.find {
+            Find::Joint => "emission and albedo",
+            Find::Refinement => Find::Extinction.name(),
+            Find::Environment => "light",
+            find => find.name(),
+        };
+        Nouns::new(found, "wanted pixel", "target")
     }
 
     fn settings_in_words(&self) -> Vec<(&'static str, String)> {

@@ -116,7 +116,7 @@ impl Law {
 /// How the exact traversal stands against a march of the same scene, basis and strategy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Standing {
+pub enum MarchStanding {
     /// The march takes as long or longer, and errs more.
     Dominated,
     /// The march is quicker, and errs more.
@@ -125,7 +125,7 @@ pub enum Standing {
     AsExact,
 }
 
-impl Standing {
+impl MarchStanding {
     /// In words, said of the march.
     pub fn words(self) -> &'static str {
         match self {
@@ -152,7 +152,7 @@ pub struct Against {
     /// Error of the march, and of the exact traversal.
     pub error: [f64; 2],
     /// How the march stands.
-    pub standing: Standing,
+    pub standing: MarchStanding,
 }
 
 /// Every march on the processor in f32 against the exact traversal.
@@ -175,9 +175,9 @@ pub fn compare(records: &[Record]) -> Vec<Against> {
             let (seconds, error) =
                 ([march.seconds_in_all(), exact.seconds_in_all()], [march.error, exact.error]);
             let standing = match (error[0] > error[1], seconds[0] >= seconds[1]) {
-                (false, _) => Standing::AsExact,
-                (true, true) => Standing::Dominated,
-                (true, false) => Standing::Quicker,
+                (false, _) => MarchStanding::AsExact,
+                (true, true) => MarchStanding::Dominated,
+                (true, false) => MarchStanding::Quicker,
             };
             Against {
                 scene: march.scene.clone(),
@@ -194,7 +194,7 @@ pub fn compare(records: &[Record]) -> Vec<Against> {
 
 /// What was measured at one size.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Point {
+pub struct SweepPoint {
     /// How many there were of what grows.
     pub size: f64,
     /// Rows that were measured.
@@ -219,15 +219,15 @@ pub struct Sweep {
     /// What does not, in words.
     pub held: String,
     /// From small to large.
-    pub points: Vec<Point>,
+    pub points: Vec<SweepPoint>,
     /// e in cost ~ sizeᵉ, of problem, set-up, products and bytes; none where that cannot be fitted.
     pub exponents: [Option<f64>; 4],
 }
 
 impl Sweep {
     /// With exponents fitted.
-    pub fn new(scene: &str, over: &str, held: &str, points: Vec<Point>) -> Self {
-        let fit = |value: fn(&Point) -> Option<f64>| {
+    pub fn new(scene: &str, over: &str, held: &str, points: Vec<SweepPoint>) -> Self {
+        let fit = |value: fn(&SweepPoint) -> Option<f64>| {
             let values = points.iter().map(|point| Some([point.size, value(point)?]));
             exponent(&values.collect::<Option<Vec<_>>>()?)
         };
@@ -435,8 +435,8 @@ mod tests {
             record(Some(64), 1.0, 0.1),
             record(Some(4096), 9.0, 1e-8),
         ];
-        let standings: Vec<Standing> = compare(&records).iter().map(|march| march.standing).collect();
-        assert_eq!(standings, [Standing::Quicker, Standing::Dominated, Standing::AsExact]);
+        let standings: Vec<MarchStanding> = compare(&records).iter().map(|march| march.standing).collect();
+        assert_eq!(standings, [MarchStanding::Quicker, MarchStanding::Dominated, MarchStanding::AsExact]);
     }
 
     #[test]

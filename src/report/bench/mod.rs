@@ -6,8 +6,8 @@ mod pareto;
 mod scatter;
 
 pub use data::{
-    Against, Bench, Held, Law, Measured, Pair, Point, Record, Skipped, Standing, Sweep, compare, csv,
-    exponent,
+    Against, Bench, Held, Law, MarchStanding, Measured, Pair, Record, Skipped, Sweep, SweepPoint, compare,
+    csv, exponent,
 };
 pub use page::page;
 pub use pareto::front;

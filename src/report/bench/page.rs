@@ -1,8 +1,9 @@
 //! `bench.html`: one file that needs no other and no network.
 
-use super::super::plot::{self, Axis, Chart, Curve, Spacing};
+use super::super::plot::{self, Chart, ChartAxis, Curve};
+use super::super::ticks::Spacing;
 use super::super::words::{bytes, count, counted, escaped, number, seconds};
-use super::data::{Against, Bench, Law, Measured, Record, Skipped, Standing, Sweep};
+use super::data::{Against, Bench, Law, MarchStanding, Measured, Record, Skipped, Sweep};
 use super::scatter::{Group, Mark, Scatter, scatter};
 use crate::Result;
 use crate::scene::SolverName;
@@ -154,7 +155,7 @@ fn against<'a>(marches: impl Iterator<Item = &'a Against>) -> String {
     let rows: String = marches
         .map(|march| {
             let [m, e] = march.seconds;
-            let class = if march.standing == Standing::AsExact { " class=\"broken\"" } else { "" };
+            let class = if march.standing == MarchStanding::AsExact { " class=\"broken\"" } else { "" };
             format!(
                 "<tr{class}><th>{}, {}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
                 escaped(&march.basis),
@@ -215,15 +216,15 @@ fn scaling(sweeps: &[Sweep]) -> Result<String> {
 }
 
 fn chart(sweep: &Sweep) -> Chart {
-    let curve = |name: &str, index: usize, value: fn(&super::Point) -> Option<f64>| Curve {
+    let curve = |name: &str, index: usize, value: fn(&super::SweepPoint) -> Option<f64>| Curve {
         label: format!("{name} e={}", power(sweep.exponents[index])),
         dashed: false,
         points: sweep.points.iter().filter_map(|point| Some([point.size, value(point)?])).collect(),
     };
     Chart {
         title: format!("{}: {}", sweep.scene, sweep.over),
-        x: Axis { label: sweep.over.clone(), spacing: Spacing::Log },
-        y: Axis { label: "seconds".into(), spacing: Spacing::Log },
+        x: ChartAxis { label: sweep.over.clone(), spacing: Spacing::Log },
+        y: ChartAxis { label: "seconds".into(), spacing: Spacing::Log },
         curves: [
             curve("set-up", 1, |point| Some(point.set_up_seconds)),
             curve("products", 2, |point| Some(point.seconds)),

@@ -1,7 +1,7 @@
 //! Points as SVG, cost across and error upwards, both by decades, with their Pareto front.
 
 use super::super::axes::{Axes, DISTINCT, TEXT, color};
-use super::super::plot::Spacing;
+use super::super::ticks::Spacing;
 use super::super::words::escaped;
 use super::front;
 use crate::{Error, Result};

@@ -54,7 +54,7 @@ fn pictures() -> Pictures {
         turntable: Vec::new(),
         environment: None,
         views: vec![view("front", 0.0), view("aisle", 0.4), view("window", 0.9)],
-        light_map: painted([512, 512], glass),
+        light_map: Some(painted([512, 512], glass)),
         coverage: Some(painted([512, 512], |u, v| {
             let strength = (1.0 - 2.2 * (u - 0.5).hypot(v - 0.55)).max(0.0) * (0.8 + 0.2 * (u * 40.0).sin());
             [strength, strength * 0.78, strength * 0.45]
@@ -81,7 +81,7 @@ fn pictures_are_in_the_page_byte_for_byte() {
         .skip(1)
         .map(|rest| STANDARD.decode(rest.split('"').next().unwrap()).unwrap())
         .collect();
-    assert_eq!(inlined[0], pictures.light_map);
+    assert_eq!(Some(&inlined[0]), pictures.light_map.as_ref());
     assert_eq!(Some(&inlined[1]), pictures.coverage.as_ref());
     assert_eq!(inlined[2], pictures.views[0].target);
     assert_eq!(inlined[13], pictures.views[2].difference);
@@ -140,6 +140,25 @@ fn the_summary_says_what_happened() {
 }
 
 #[test]
+fn the_page_says_what_was_looked_for_in_the_words_of_the_problem() {
+    let mut report = Report {
+        nouns: Nouns { found: "light".into(), pixel: "wanted pixel".into(), wanted: "target".into() },
+        ..example()
+    };
+    for elements in [&mut report.problem.elements, &mut report.coverage.elements] {
+        *elements = "lights".into();
+    }
+    let others = ["texel", "voxel", "Texel", "Voxel", "paint", "Paint", "stroke", "light map", "Light map"];
+    let said = |report: &Report| {
+        let page = html(report, &Pictures { light_map: None, coverage: None, ..pictures() }).unwrap();
+        let body = &page[page.find("<main>").unwrap()..page.find("<script>").unwrap()];
+        others.iter().filter(|&&other| body.contains(other)).count()
+    };
+    assert_eq!(said(&report), 0);
+    assert!(said(&example()) >= 3);
+}
+
+#[test]
 fn tags_are_balanced() {
     let page = html(&example(), &pictures()).unwrap();
     for tag in
@@ -153,7 +172,7 @@ fn tags_are_balanced() {
 
 #[test]
 fn what_is_missing_is_left_out() {
-    let pictures = Pictures { light_map: painted([1, 1], |_, _| [1.0; 3]), ..Pictures::default() };
+    let pictures = Pictures { light_map: Some(painted([1, 1], |_, _| [1.0; 3])), ..Pictures::default() };
     let page = html(&Report::default(), &pictures).unwrap();
     for part in ["Convergence", "What was skipped", "Memory", "Hue error", "Views", "NaN", "inf"] {
         assert!(!page.contains(&format!(">{part}")), "{part}");
@@ -166,7 +185,8 @@ fn what_is_missing_is_left_out() {
 #[test]
 fn broken_pictures_and_numbers_are_refused() {
     let whole = pictures();
-    for bytes in [vec![], b"GIF89a".to_vec(), whole.light_map[..20].to_vec(), whole.light_map[1..].to_vec()] {
+    let png = &whole.views[0].target;
+    for bytes in [vec![], b"GIF89a".to_vec(), png[..20].to_vec(), png[1..].to_vec()] {
         let mut broken = whole.clone();
         broken.views[1].after = bytes;
         match html(&example(), &broken) {

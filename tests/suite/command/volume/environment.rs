@@ -30,9 +30,7 @@ fn the_light_is_found_and_can_be_the_start_of_another_solve() {
     assert!(after < 0.01, "{after}");
     let page = String::from_utf8(desk.read("out/report.html")).unwrap();
     assert!(
-        page.contains("The light around it")
-            && page.contains("Lights found")
-            && !page.contains("Voxels found")
+        page.contains("The light around it") && page.contains("Lights reached") && !page.contains("oxels")
     );
     assert!(desk.names("out").iter().any(|name| name == "environment.png"));
     for file in ["environment.exr", "environment.hdr"] {
