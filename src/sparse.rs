@@ -21,7 +21,7 @@ impl ExplicitMatrix {
         let shape = (traversal.rows(), traversal.elements());
         let mut triplets: Vec<TriMat<f64>> = (0..C).map(|_| TriMat::new(shape)).collect();
         for row in 0..shape.0 {
-            traversal.walk(row, &mut |element, weight| {
+            traversal.walk_shared(row, &mut |element, weight| {
                 for (c, triplets) in triplets.iter_mut().enumerate() {
                     triplets.add_triplet(row, element, channel(&weight, c));
                 }

@@ -242,7 +242,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> MatrixRows<F, C> for Transpo
     fn visit(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
         match self.kept.chunks.get(row / CHUNK).filter(|_| row < self.kept.first_walked) {
             Some(chunk) => chunk.visit(row, &self.kept.bands, visit),
-            None => self.traversal.walk(row, &mut |element, weight| visit(element, weight.map(F::of))),
+            None => self.traversal.walk_shared(row, &mut |element, weight| visit(element, weight.map(F::of))),
         }
     }
 }

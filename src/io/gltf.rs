@@ -11,11 +11,11 @@ mod triangles;
 
 use std::path::Path;
 
-use ::gltf::json::camera::Type as CameraType;
-use ::gltf::json::extensions::scene::khr_lights_punctual::{Light, Type as LightType};
-use ::gltf::json::scene::Node;
-use ::gltf::json::validation::Checked;
 use glam::{DAffine3, DVec3};
+use gltf_json::camera::Type as CameraType;
+use gltf_json::extensions::scene::khr_lights_punctual::{Light, Type as LightType};
+use gltf_json::scene::Node;
+use gltf_json::validation::Checked;
 
 use self::file::GltfFile;
 use self::node_tree::NodeTree;

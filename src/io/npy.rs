@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::Path;
 
-use npyz::{DType, WriteOptions, WriterBuilder};
+use num_traits::ToBytes;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
@@ -81,6 +81,42 @@ pub(super) fn write_samples(
         Samples::F32(_) => "<f4",
         Samples::F16(_) => "<f2",
     };
+    write_header(writer, dtype, shape)?;
+    numbers::write_samples(writer, samples)
+}
+
+/// A number that arrays can hold.
+pub(super) trait Element: ToBytes {
+    /// What NumPy calls it.
+    const DTYPE: &'static str;
+}
+
+macro_rules! elements {
+    ($($number:ty: $dtype:literal),*) => {
+        $(impl Element for $number {
+            const DTYPE: &'static str = $dtype;
+        })*
+    };
+}
+
+elements!(f32: "<f4", f64: "<f8", i32: "<i4", i64: "<i8");
+
+/// Writes an array in C order. There must be as many values as `shape` says.
+pub(super) fn write_array<T: Element>(
+    writer: impl Write,
+    shape: &[usize],
+    values: impl Iterator<Item = T>,
+) -> io::Result<()> {
+    // The array is written value by value, and not every writer below is buffered.
+    let mut writer = BufWriter::with_capacity(1 << 16, writer);
+    write_header(&mut writer, T::DTYPE, shape)?;
+    for value in values {
+        writer.write_all(value.to_le_bytes().as_ref())?;
+    }
+    writer.flush()
+}
+
+fn write_header(writer: &mut (impl Write + ?Sized), dtype: &str, shape: &[usize]) -> io::Result<()> {
     let shape: String = shape.iter().map(|length| format!("{length}, ")).collect();
     let text = format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({shape}), }}");
     // The values begin at a multiple of 64 bytes, where a mapped file wants them.
@@ -88,22 +124,7 @@ pub(super) fn write_samples(
     let length = u16::try_from(width + 1).map_err(io::Error::other)?;
     writer.write_all(b"\x93NUMPY\x01\x00")?;
     writer.write_all(&length.to_le_bytes())?;
-    writeln!(writer, "{text:width$}")?;
-    numbers::write_samples(writer, samples)
-}
-
-pub(super) fn write_array<T: npyz::AutoSerialize>(
-    writer: impl Write,
-    shape: &[usize],
-    values: impl Iterator<Item = T>,
-) -> io::Result<()> {
-    let shape: Vec<u64> = shape.iter().map(|&length| length as u64).collect();
-    // The array is written value by value, and not every writer below is buffered.
-    let mut writer = BufWriter::with_capacity(1 << 16, writer);
-    let mut array = WriteOptions::new().default_dtype().shape(&shape).writer(&mut writer).begin_nd()?;
-    array.extend(values)?;
-    array.finish()?;
-    writer.flush()
+    writeln!(writer, "{text:width$}")
 }
 
 /// An archive on its way into a file.
@@ -143,7 +164,7 @@ fn write_members<I: Copy + TryInto<usize>>(
     archive.start_file("indptr.npy", options)?;
     write_array(&mut archive, &[indptr.len()], indptr.iter().copied())?;
     archive.start_file("format.npy", options)?;
-    write_format_name(&mut archive)?;
+    write_format_name(archive)?;
     archive.start_file("shape.npy", options)?;
     write_array(&mut archive, &[2], [rows as i64, columns as i64].into_iter())?;
     archive.start_file("data.npy", options)?;
@@ -151,12 +172,9 @@ fn write_members<I: Copy + TryInto<usize>>(
 }
 
 /// `b'csr'` as an array of no axes, which is how `scipy.sparse.save_npz` says what the other members mean.
-fn write_format_name(writer: impl Write) -> io::Result<()> {
-    let text = "|S3".parse().map_err(|error| io::Error::other(format!("{error}")))?;
-    let name = WriteOptions::<[u8]>::new().dtype(DType::Plain(text)).shape(&[]);
-    let mut name = name.writer(writer).begin_nd()?;
-    name.push(b"csr")?;
-    name.finish()
+fn write_format_name(writer: &mut impl Write) -> io::Result<()> {
+    write_header(writer, "|S3", &[])?;
+    writer.write_all(b"csr")
 }
 
 /// Out of any matrix when it does not fit.
@@ -291,7 +309,7 @@ fn read_header(file: &mut impl Read) -> Result<(String, u64), ArrayFault> {
 
 /// Of the Python dictionary in a header, what there is to know of a plain array.
 ///
-/// Read by hand: `npyz` multiplies a shape out unchecked and its parser recurses as deep as the file wants.
+/// Read by hand: the crate `npyz` multiplies a shape out unchecked, and its parser recurses as deep as the file wants.
 #[derive(Debug, PartialEq)]
 struct Header<'t> {
     dtype: &'t str,

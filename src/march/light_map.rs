@@ -144,8 +144,11 @@ impl LightMapTraversal {
     /// The ray of a row, whose lit stretches are found once for more than one use.
     pub fn lit_ray(&self, row: usize) -> LitRay<'_> {
         let (ray, mut stretches) = (&self.rays[row], Vec::new());
-        shadow_ray::<f64>(ray, &self.transport.shadow_map)
-            .lit_stretches(0.0, self.end(ray), |start, end| stretches.push([start, end]));
+        shadow_ray::<f64>(ray, &self.transport.shadow_map).lit_stretches(
+            0.0,
+            self.end(ray),
+            &mut |start, end| stretches.push([start, end]),
+        );
         LitRay { transport: &self.transport, ray, end: self.end(ray), stretches }
     }
 
@@ -190,7 +193,7 @@ impl LightMapTraversal {
             let [_, slope] = grid_ray(ray, &self.transport.light_map);
             extent.texels = slope.length() * (leave - enter);
             let lit = shadow_ray::<f64>(ray, &self.transport.shadow_map);
-            extent.shadow_nodes = lit.lit_stretches(enter, leave, |start, end| {
+            extent.shadow_nodes = lit.lit_stretches(enter, leave, &mut |start, end| {
                 extent.lit_texels += slope.length() * (end - start);
             });
         }
@@ -217,7 +220,7 @@ pub fn weight_between(
     let mut sum = [0.0; 3];
     if a < b {
         let lit = shadow_ray::<f64>(ray, shadow_map);
-        lit.lit_stretches(a, b, |start, end| add_extinguished(&mut sum, sigma_t, [start, end]));
+        lit.lit_stretches(a, b, &mut |start, end| add_extinguished(&mut sum, sigma_t, [start, end]));
     }
     std::array::from_fn(|c| ray.scattering[c] * sum[c])
 }
@@ -269,19 +272,17 @@ impl<const C: usize> Traversal<f64, C> for LitRay<'_> {
 
 /// What finds the lit stretches of [a, b] of a ray.
 trait LitStretches<F> {
-    fn each(&self, a: F, b: F, visit: impl FnMut(F, F));
+    fn each(&self, a: F, b: F, visit: &mut dyn FnMut(F, F));
 }
 
 impl<F: Real> LitStretches<F> for ShadowRay<'_, F> {
-    #[inline(always)]
-    fn each(&self, a: F, b: F, visit: impl FnMut(F, F)) {
+    fn each(&self, a: F, b: F, visit: &mut dyn FnMut(F, F)) {
         self.lit_stretches(a, b, visit);
     }
 }
 
 impl LitStretches<f64> for Vec<[f64; 2]> {
-    #[inline(always)]
-    fn each(&self, a: f64, b: f64, mut visit: impl FnMut(f64, f64)) {
+    fn each(&self, a: f64, b: f64, visit: &mut dyn FnMut(f64, f64)) {
         let inside = self.iter().map(|&[start, end]| (most(start, a), least(end, b)));
         inside.filter(|(start, end)| start < end).for_each(|(start, end)| visit(start, end));
     }
@@ -339,7 +340,7 @@ impl LightMapTransport {
         &self,
         ray: &ViewRay,
         end: f64,
-        lit: &impl LitStretches<F>,
+        lit: &dyn LitStretches<F>,
         visit: &mut impl FnMut(usize, Weight<F, C>),
     ) {
         match self.basis {
@@ -353,7 +354,7 @@ impl LightMapTransport {
         &self,
         ray: &ViewRay,
         end: f64,
-        lit: &impl LitStretches<F>,
+        lit: &dyn LitStretches<F>,
         visit: &mut impl FnMut(usize, Weight<F, C>),
     ) {
         let Some([enter, leave]) = self.inside(ray, end) else { return };
@@ -386,10 +387,10 @@ impl LightMapTransport {
             }
         };
         match &self.mask {
-            None => lit.each(F::of(enter), F::of(leave), integrate),
+            None => lit.each(F::of(enter), F::of(leave), &mut integrate),
             Some(mask) => {
                 let mask = shadow_ray::<F>(ray, mask);
-                lit.each(F::of(enter), F::of(leave), |a, b| {
+                lit.each(F::of(enter), F::of(leave), &mut |a, b| {
                     mask.lit_stretches_from(NEARBY, a, b, &mut integrate);
                 });
             }

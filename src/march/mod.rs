@@ -92,4 +92,9 @@ pub trait Traversal<F: Real, const C: usize>: Sync {
 
     /// Visits the non-zeros of a row; weights of elements that are not visited are zero.
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>));
+
+    /// The same for visitors that are in no hurry: they share one copy of the walk, and are called through a pointer.
+    fn walk_shared(&self, row: usize, mut visit: &mut dyn FnMut(usize, Weight<F, C>)) {
+        self.walk(row, &mut visit);
+    }
 }

@@ -17,12 +17,12 @@ pub(super) struct ShadowRay<'a, F> {
 }
 
 /// A stretch of a ray under construction: neighbouring stretches become one.
-struct Joined<F, V> {
+struct Joined<'a, F> {
     stretch: Option<[F; 2]>,
-    visit: V,
+    visit: &'a mut dyn FnMut(F, F),
 }
 
-impl<F: Real, V: FnMut(F, F)> Joined<F, V> {
+impl<F: Real> Joined<'_, F> {
     #[inline(always)]
     fn add(&mut self, a: F, b: F) {
         match &mut self.stretch {
@@ -41,13 +41,14 @@ impl<F: Real> ShadowRay<'_, F> {
     ///
     /// Nodes of the pyramid that are lit or shadowed as a whole are not descended into; a texel is cut where
     /// the ray crosses its depth. Outside the map the ray is lit. Gives back how many nodes were looked at.
-    pub(super) fn lit_stretches(&self, a: F, b: F, visit: impl FnMut(F, F)) -> usize {
+    ///
+    /// Who visits is called once a stretch, not once a texel, so that all share one copy of this search.
+    pub(super) fn lit_stretches(&self, a: F, b: F, visit: &mut dyn FnMut(F, F)) -> usize {
         self.lit_stretches_from(self.map.top(), a, b, visit)
     }
 
     /// The same of a short part of a ray: `level` is that of the node to begin with.
-    #[inline]
-    pub(super) fn lit_stretches_from(&self, level: usize, a: F, b: F, visit: impl FnMut(F, F)) -> usize {
+    pub(super) fn lit_stretches_from(&self, level: usize, a: F, b: F, visit: &mut dyn FnMut(F, F)) -> usize {
         let mut joined = Joined { stretch: None, visit };
         let mut nodes = 0;
         let size = self.map.grid().size.map(|side| F::of(side as f64));
@@ -73,7 +74,7 @@ impl<F: Real> ShadowRay<'_, F> {
     /// where it is, and a level up with each step into another node above.
     ///
     /// Every crossing is computed from its own grid line, so rounding does not add up along the ray.
-    fn lit_inside<V: FnMut(F, F)>(&self, mut level: usize, a: F, b: F, lit: &mut Joined<F, V>) -> usize {
+    fn lit_inside(&self, mut level: usize, a: F, b: F, lit: &mut Joined<F>) -> usize {
         let (top, size) = (self.map.top(), self.map.grid().size);
         let ahead = [self.slope[0] > F::zero(), self.slope[1] > F::zero()];
         // The cast rounds towards zero, and takes what rounding has put before the first texel to it.

@@ -26,7 +26,7 @@ impl<T: Traversal<f64, C>, const C: usize> MatrixRows<f32, C> for Rounded<'_, T,
     }
 
     fn visit(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f32, C>)) {
-        self.0.walk(row, &mut |element, weight| visit(element, weight.map(|weight| weight as f32)));
+        self.0.walk_shared(row, &mut |element, weight| visit(element, weight.map(|weight| weight as f32)));
     }
 }
 

@@ -33,7 +33,7 @@ impl WalkPlan {
         let counts = parallel::map(pieces.len(), &|piece| {
             let mut visits = vec![0u64; blocks];
             for &row in pieces[piece] {
-                traversal.walk(row, &mut |element, _| visits[element / Self::BLOCK] += 1);
+                traversal.walk_shared(row, &mut |element, _| visits[element / Self::BLOCK] += 1);
             }
             visits
         });

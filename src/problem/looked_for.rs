@@ -223,7 +223,7 @@ pub(super) fn row_of<T: Traversal<f64, 1> + Traversal<f64, 3>>(
     visit: &mut dyn FnMut(usize, [f64; 3]),
 ) {
     match is_grey {
-        true => rows.walk(row, &mut |element, [weight]: [f64; 1]| visit(element, [weight; 3])),
-        false => rows.walk(row, &mut |element, weights: [f64; 3]| visit(element, weights)),
+        true => rows.walk_shared(row, &mut |element, [weight]: [f64; 1]| visit(element, [weight; 3])),
+        false => rows.walk_shared(row, &mut |element, weights: [f64; 3]| visit(element, weights)),
     }
 }

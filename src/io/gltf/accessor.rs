@@ -2,10 +2,10 @@
 //!
 //! The crate's own reader takes positions for f32 whatever their type is, and trusts lengths.
 
-use ::gltf::json::Index;
-use ::gltf::json::accessor::{Accessor, ComponentType};
-use ::gltf::json::buffer::View;
-use ::gltf::json::validation::Checked;
+use gltf_json::Index;
+use gltf_json::accessor::{Accessor, ComponentType};
+use gltf_json::buffer::View;
+use gltf_json::validation::Checked;
 
 use super::file::GltfFile;
 use crate::{Error, Result};

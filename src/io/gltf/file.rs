@@ -4,10 +4,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use ::gltf::binary::Glb;
-use ::gltf::json::root::Get;
-use ::gltf::json::{Index, Root};
 use base64::Engine;
+use gltf_json::root::Get;
+use gltf_json::{Index, Root};
 
 use crate::{Error, Result};
 
@@ -39,20 +38,49 @@ pub(super) struct GltfFile {
     pub(super) buffers: Vec<Vec<u8>>,
 }
 
+/// The JSON chunk of a binary container, and the binary chunk where there is one; chunks of other kinds are skipped
+/// (glTF 2.0, "GLB File Format").
+///
+/// Errors: what is wrong with it, in words.
+fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>), String> {
+    let word = |bytes: &[u8], at: usize| {
+        let bytes = bytes.get(at..at + 4).and_then(|word| <[u8; 4]>::try_from(word).ok());
+        bytes.map(u32::from_le_bytes)
+    };
+    let (Some(version), Some(length)) = (word(bytes, 4), word(bytes, 8)) else {
+        return Err("its header is truncated".to_owned());
+    };
+    if version != 2 {
+        return Err(format!("its container is of version {version}; 2 is needed"));
+    }
+    let Some(mut rest) = bytes.get(..length as usize).and_then(|all| all.get(12..)) else {
+        return Err(format!("its header says {length} bytes, and it has {}", bytes.len()));
+    };
+    let mut found = [None; 2];
+    while let (Some(length), Some(kind)) = (word(rest, 0), word(rest, 4)) {
+        let Some(chunk) = rest[8..].get(..length as usize) else {
+            return Err("it ends inside a chunk".to_owned());
+        };
+        if let Some(place) = [*b"JSON", *b"BIN\0"].iter().position(|name| u32::from_le_bytes(*name) == kind) {
+            found[place].get_or_insert(chunk);
+        }
+        rest = &rest[8 + chunk.len()..];
+    }
+    match found {
+        [Some(json), binary] => Ok((json, binary)),
+        [None, _] => Err("it has no JSON chunk".to_owned()),
+    }
+}
+
 impl GltfFile {
     pub(super) fn load(path: &Path) -> Result<Self> {
         let bytes = read_file(path)?;
         let mut gltf = Self { path: path.into(), root: Root::default(), buffers: Vec::new() };
         let mut blob = None;
         gltf.root = if bytes.starts_with(b"glTF") {
-            // The length includes this header of 12 bytes; the crate subtracts without looking.
-            let length = bytes.get(8..12).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes);
-            if length < 12 {
-                return Err(gltf.broken("its header is truncated".into()));
-            }
-            let glb = Glb::from_slice(&bytes).map_err(|error| gltf.broken(error.to_string()))?;
-            blob = glb.bin.as_deref().map(<[u8]>::to_vec);
-            gltf.parse(&glb.json)?
+            let (json, binary) = chunks(&bytes).map_err(|problem| gltf.broken(problem))?;
+            blob = binary.map(<[u8]>::to_vec);
+            gltf.parse(json)?
         } else {
             gltf.parse(&bytes)?
         };
@@ -120,7 +148,7 @@ impl GltfFile {
     }
 
     /// The bytes of a buffer view.
-    pub(super) fn view(&self, index: Index<::gltf::json::buffer::View>) -> Result<&[u8]> {
+    pub(super) fn view(&self, index: Index<gltf_json::buffer::View>) -> Result<&[u8]> {
         let view = self.get(index).ok_or_else(|| self.broken(format!("buffer view {index} is missing")))?;
         let start = usize::try_from(view.byte_offset.unwrap_or_default().0).ok();
         let length = usize::try_from(view.byte_length.0).ok();

@@ -3,10 +3,10 @@
 use std::io::Cursor;
 use std::sync::{Arc, LazyLock};
 
-use ::gltf::json::Index;
-use ::gltf::json::material::{AlphaMode, Material as JsonMaterial};
-use ::gltf::json::texture::{Info, WrappingMode};
-use ::gltf::json::validation::Checked;
+use gltf_json::Index;
+use gltf_json::material::{AlphaMode, Material as JsonMaterial};
+use gltf_json::texture::{Info, WrappingMode};
+use gltf_json::validation::Checked;
 use image::{DynamicImage, ImageReader};
 
 use super::file::GltfFile;

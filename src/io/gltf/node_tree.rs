@@ -1,7 +1,7 @@
 //! The node hierarchy and where its nodes are in the world.
 
-use ::gltf::json::scene::Node;
 use glam::{DAffine3, DMat4, DQuat, DVec3};
+use gltf_json::scene::Node;
 
 use super::file::GltfFile;
 use crate::Result;

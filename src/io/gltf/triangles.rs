@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use ::gltf::json::mesh::{Mode, Primitive, Semantic};
-use ::gltf::json::validation::Checked;
 use glam::{DAffine3, DVec3};
+use gltf_json::mesh::{Mode, Primitive, Semantic};
+use gltf_json::validation::Checked;
 
 use super::accessor;
 use super::file::GltfFile;

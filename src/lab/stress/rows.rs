@@ -39,12 +39,12 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> Walked for T {
         Traversal::<f64, 1>::elements(self)
     }
 
-    fn visit_grey(&self, row: usize, mut visit: &mut dyn FnMut(usize, [f64; 1])) {
-        Traversal::<f64, 1>::walk(self, row, &mut visit);
+    fn visit_grey(&self, row: usize, visit: &mut dyn FnMut(usize, [f64; 1])) {
+        Traversal::<f64, 1>::walk_shared(self, row, visit);
     }
 
-    fn visit_colored(&self, row: usize, mut visit: &mut dyn FnMut(usize, [f64; 3])) {
-        Traversal::<f64, 3>::walk(self, row, &mut visit);
+    fn visit_colored(&self, row: usize, visit: &mut dyn FnMut(usize, [f64; 3])) {
+        Traversal::<f64, 3>::walk_shared(self, row, visit);
     }
 }
 
