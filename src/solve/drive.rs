@@ -29,7 +29,7 @@ pub struct History {
     pub start: Measure,
     /// How often the method began again because its recursion had parted from the truth.
     pub restarts: usize,
-    /// The least true normal residual found at such a moment; infinite before the first.
+    /// The least true normal residual at such a restart, relative to the start; infinite before the first.
     pub least_true: f64,
     /// Channels that are done, and are left as they are.
     pub settled: [bool; 3],
@@ -44,7 +44,7 @@ pub struct History {
 pub enum Beginning<'a, V> {
     /// At x₀, which progress is relative to.
     At(&'a V),
-    /// At x, where something like it was solved before; progress is relative to x₀ still, which costs two applications more.
+    /// At x, where a similar problem was solved before. Progress is still relative to x₀, which costs two applications more.
     From {
         /// Where it begins.
         x: &'a V,
@@ -72,9 +72,9 @@ pub struct Outcome {
 /// A channel that starts with less than this part of the largest squared norm is measured against that part: its
 /// start is rounding, and cannot be improved on.
 const FLOOR: f64 = 1e-12;
-/// A channel that starts with a residual of so many roundings of its right-hand side is solved.
+/// A channel is solved whose residual at the start is at most this many roundings of its right-hand side.
 const SOLVED: f64 = 8.0;
-/// A true normal residual above the tolerance by more than this factor gives the lie to the recursive one.
+/// The factor above the tolerance from which on a true normal residual refutes the recursive one.
 const PARTED: f64 = 1.5;
 
 /// Runs a method until it should stop.
@@ -262,7 +262,7 @@ impl<O: LinearOperator> Judge<'_, O> {
         }
     }
 
-    /// What there is to say at the end, with the residuals computed anew; they stay in `r` and `s`.
+    /// The outcome, with the residuals computed anew; they stay in `r` and `s`.
     fn finish<M: Method<O> + ?Sized>(
         &mut self,
         method: &M,
@@ -285,7 +285,7 @@ impl<O: LinearOperator> Judge<'_, O> {
         })
     }
 
-    /// Whether the truth agrees that every channel is done, by tolerance or by discrepancy.
+    /// Whether the residuals computed anew agree that every channel is done, by tolerance or by discrepancy.
     fn confirms(&self, outcome: &Outcome) -> Result<bool> {
         let data = self.r.upper_norm_squared()?;
         Ok((0..3).all(|c| {
