@@ -1,7 +1,7 @@
 //! The one error of the library, split by cause and carrying values.
 //!
 //! Not reaching a tolerance is not an error: a solve that stops early says so in its
-//! [`Stop`](crate::solve::Stop).
+//! [`Ending`](crate::solve::Ending).
 
 use std::path::PathBuf;
 

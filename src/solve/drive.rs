@@ -1,7 +1,7 @@
 use std::time::Instant;
 
 use super::stop::Progressing;
-use super::{Control, LeastSquares, Limits, Live, Measure, Method, Stop, StopReason};
+use super::{Control, Ending, LeastSquares, Limits, Live, Measure, Method, StopReason};
 use crate::operator::{Bounds, LinearOperator, PendingSum, Scalars, Vector, expect_len};
 use crate::{Error, Result};
 
@@ -61,7 +61,7 @@ pub struct Outcome {
     /// What happened on the way.
     pub history: History,
     /// Why it ended.
-    pub stop: Stop,
+    pub stop: Ending,
     /// ‖b − A x‖ at the end relative to the start, computed anew and not by recursion.
     pub true_residual: Scalars,
     /// The certificate: ‖Aᵀ (b − A x)‖, or with bounds the norm of the projected gradient, at the end relative to the
@@ -133,7 +133,7 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
             let helps = truth < 0.5 * history.least_true;
             if !helps || iteration >= limits.iterations {
                 let reason = if helps { StopReason::Iterations } else { StopReason::Stagnation };
-                return Ok(Outcome { stop: Stop { reason, iteration }, ..outcome });
+                return Ok(Outcome { stop: Ending { reason, iteration }, ..outcome });
             }
             history.least_true = truth;
             history.restarts += 1;
@@ -279,7 +279,7 @@ impl<O: LinearOperator> Judge<'_, O> {
         let iteration = history.progress.last().map_or(0, |last| last.iteration);
         Ok(Outcome {
             history: history.clone(),
-            stop: Stop { reason, iteration },
+            stop: Ending { reason, iteration },
             true_residual,
             true_normal_residual,
         })

@@ -45,7 +45,7 @@ pub use lsmr::Lsmr;
 pub use lsqr::Lsqr;
 pub use mprgp::Mprgp;
 pub use spectral::Spectral;
-pub use stop::{Control, Limits, Progressing, Stop, StopReason};
+pub use stop::{Control, Ending, Limits, Progressing, StopReason};
 
 use crate::operator::{LinearOperator, Scalars, Vector};
 use crate::{Error, Result};
