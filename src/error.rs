@@ -1,7 +1,7 @@
 //! The one error of the library, split by cause and carrying values.
 //!
 //! Not reaching a tolerance is not an error: a solve that stops early says so in its
-//! [`Stop`](crate::solve::Stop).
+//! [`Ending`](crate::solve::Ending).
 
 use std::path::PathBuf;
 
@@ -132,10 +132,10 @@ pub enum Error {
     #[error("{0}")]
     Machine(String),
 
-    /// A graphics adapter that is not there, is not enough, or has let the work down.
+    /// A graphics adapter that is missing, lacks something that is needed, or has failed.
     #[error("the adapter `{adapter}` {problem}; {remedy}")]
     Adapter {
-        /// What it calls itself, or what was asked for.
+        /// The name of the adapter, or the part of a name that was asked for.
         adapter: String,
         /// What is wrong with it.
         problem: String,
@@ -143,7 +143,7 @@ pub enum Error {
         remedy: &'static str,
     },
 
-    /// Something that there is no way to do on a graphics adapter, in order as it is.
+    /// Something that is in order, but that no kernel of a graphics adapter computes.
     #[error("the adapter `{adapter}` {problem}; {remedy}")]
     Unsupported {
         /// What it calls itself.
@@ -205,8 +205,7 @@ impl Error {
         matches!(self, Self::Adapter { .. } | Self::Unsupported { .. } | Self::AdapterMemory { .. })
     }
 
-    /// Whether this way of computing cannot do it here, and nothing is wrong: it is larger than what there is room for, or there is no
-    /// kernel for it.
+    /// Whether nothing is wrong but the way of computing: there is no room for it here, or no kernel.
     pub fn is_not_possible_here(&self) -> bool {
         matches!(self, Self::TooLarge { .. } | Self::Unsupported { .. } | Self::AdapterMemory { .. })
     }

@@ -6,9 +6,9 @@ use crate::operator::WalkPlan;
 const BLOCK: usize = WalkPlan::BLOCK;
 /// Bands that the work is shared among, at least and at most: enough for the threads of a workstation to balance.
 const SHARES: [u64; 2] = [8, 32];
-/// Non-zeros that a row should have in each band, so that they and not their offsets take the time.
+/// Non-zeros that a row should have in each band: the time should go to them, not to their offsets.
 const IN_BAND: u64 = 32;
-/// Elements a band at most, so that 16 bits tell their slots apart.
+/// The most elements of a band: 16 bits tell their slots apart.
 const LONGEST: usize = 63 << 10;
 /// Elements whose slots stand together. Between them is a cache line of room: a ray across the rows of a map as wide as a power of
 /// two would else meet the same few sets of a cache again and again.

@@ -19,7 +19,7 @@ macro_rules! of_any {
     };
 }
 
-/// `T` of a traversal on the CPU; in f64 it is what solutions in f32 are measured against.
+/// `T` of a traversal on the processor. Solutions in f32 are measured against the same in f64.
 #[derive(Debug)]
 pub enum HostOperator<T, F = f32> {
     /// One weight for all three channels.

@@ -10,9 +10,9 @@ use crate::{Error, Result};
 /// Light from one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Beam {
-    /// Towards the light; of unit length.
+    /// Towards the light, in world space; of unit length.
     pub towards: DVec3,
-    /// Radiance times the solid angle that it comes from, times whatever else it is to be multiplied by.
+    /// Radiance times the solid angle that it comes from, in steradians, and times any further factor such as a phase function.
     pub radiance: Rgb,
 }
 
@@ -94,7 +94,7 @@ fn arriving(density: &Density, geometry: &Geometry, point: DVec3, beams: &[Beam]
     sum
 }
 
-/// The voxels of a grid whose value is asked for somewhere in a medium: those that it overlaps, and half a voxel around.
+/// The voxels of a grid whose value counts somewhere in a medium: those that the medium overlaps, and half a voxel around it.
 pub fn near_medium(density: &Density, grid: &VoxelGrid) -> VoxelSet {
     let (shift, _) = density.interpolation().cells();
     let from_medium = *grid.grid_from_world() * *density.grid().world_from_grid();

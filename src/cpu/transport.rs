@@ -12,7 +12,8 @@ use crate::{Error, Result};
 
 /// Memory for rows that are walked anew by a scatter, in bytes: small enough to stay near the processor.
 const WALKED_AT_ONCE: u64 = 24 << 20;
-/// Elements that are so few that most rows meet many of them: by bands their sums would be long, and made by few tasks.
+/// The most elements for which tasks share rows and not bands. Where elements are so few, most rows meet many of them, and bands would
+/// be few and their sums long.
 const FEW: usize = 4096;
 /// Chunks that one task adds up then.
 const CHUNKS_AT_ONCE: usize = 64;

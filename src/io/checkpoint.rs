@@ -32,8 +32,10 @@ struct Header {
 }
 
 impl Checkpoint {
-    /// Writes blocks of so many numbers, whole or not at all. `hand_out` gives them away one after the other, so that no more
-    /// than one need be in memory.
+    /// Writes blocks of the given `lengths`, whole or not at all. `hand_out` gives the blocks away one after the other, so that
+    /// only one need be in memory.
+    ///
+    /// Errors: [`Error::File`] when it cannot be written; those of `hand_out`.
     pub fn write(
         path: &Path,
         fingerprint: u64,

@@ -26,8 +26,7 @@ const MAX_SIDE: f64 = 65536.0;
 pub struct Shot {
     /// The picture. Whether it is there has not been looked at.
     pub file: PathBuf,
-    /// Metres of the world from those of the camera, which looks along -z with +y up. It may scale, for what that is
-    /// worth: cameras pay no heed to it.
+    /// Metres of the world from those of the camera, which looks along -z with +y up. It may scale; cameras ignore that.
     pub world_from_camera: DAffine3,
     /// Field of view along the width, in degrees, between 0 and 180.
     pub fov_x: f64,

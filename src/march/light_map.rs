@@ -8,7 +8,7 @@ use super::{FurtherRows, FurtherWeights, Real, Traversal, Weight, least, most};
 use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray};
 use crate::visibility::ShadowMap;
 
-/// Level of the nodes of a mask that short stretches begin with.
+/// Level of the pyramid of a mask at which the search along short stretches begins.
 const NEARBY: usize = 3;
 
 /// A view ray in the frame of the light, up to the first surface.
@@ -16,7 +16,7 @@ const NEARBY: usize = 3;
 pub struct ViewRay {
     /// The eye, (u, v, w) in metres.
     pub origin: DVec3,
-    /// Unit direction.
+    /// Direction in the frame of the light; of unit length.
     pub direction: DVec3,
     /// Distance to the first surface in metres; infinite where there is none.
     pub length: f64,
@@ -55,7 +55,7 @@ pub struct LightMapTransport {
     pub quadrature: Quadrature,
     /// Transmittance at which the rest of a ray is skipped; inside (0, 1).
     pub transmittance_bound: f64,
-    /// Where texels are worth a visit, as a map that light passes there and nowhere else; everywhere without it.
+    /// Which texels are worth a visit: those that this map lets light pass through. All of them without it.
     pub mask: Option<Arc<ShadowMap>>,
 }
 
@@ -68,7 +68,7 @@ pub struct RowExtent {
     pub texels: f64,
     /// The lit part of it; the rest is skipped.
     pub lit_texels: f64,
-    /// Whether it ends before its surface (rays without one do not count), because the transmittance is below the bound.
+    /// Whether the ray ends before its surface, because the transmittance is below the bound. Rays without a surface do not count.
     pub cut_off: bool,
 }
 
@@ -103,7 +103,7 @@ impl LightMapTraversal {
         self.further.as_ref()
     }
 
-    /// Its rows without what is along their rays; none where they show nothing else.
+    /// The rows of the further weights alone, without the texels along the rays; none where there are no further weights.
     pub fn further_rows(&self) -> Option<FurtherRows> {
         let texels = self.transport.light_map.len();
         self.further.clone().map(|weights| FurtherRows { weights, texels })
@@ -141,7 +141,7 @@ impl LightMapTraversal {
         self.weight_between(&self.rays[row], 0.0, self.end(&self.rays[row]))
     }
 
-    /// The ray of a row, whose lit stretches are found once for more than one use.
+    /// The ray of a row with its lit stretches, which are found once and can be used more than once.
     pub fn lit_ray(&self, row: usize) -> LitRay<'_> {
         let (ray, mut stretches) = (&self.rays[row], Vec::new());
         shadow_ray::<f64>(ray, &self.transport.shadow_map).lit_stretches(
@@ -225,7 +225,7 @@ pub fn weight_between(
     std::array::from_fn(|c| ray.scattering[c] * sum[c])
 }
 
-/// Adds the part of what the eye sends along a ray that is extinguished in a stretch of it.
+/// Adds the share of light that a stretch of a ray extinguishes.
 #[inline(always)]
 fn add_extinguished(sum: &mut [f64; 3], sigma_t: [f64; 3], [start, end]: [f64; 2]) {
     for c in 0..3 {
@@ -412,7 +412,7 @@ fn shadow_ray<'a, F: Real>(ray: &ViewRay, map: &'a ShadowMap) -> ShadowRay<'a, F
     }
 }
 
-/// One over a slope; infinite for zero of either sign, as a line is that is never crossed.
+/// One over a slope, and infinite for zero of either sign: such a line is never crossed.
 fn inverse<F: Real>(slope: F) -> F {
     if slope == F::zero() { F::infinity() } else { F::one() / slope }
 }

@@ -17,6 +17,8 @@ pub struct AdjointTest {
 ///
 /// Entries are uniform in [0, 1), so that the two products do not vanish by chance.
 /// Cost: 2 applications a trial.
+///
+/// Errors: those of the operator and its vectors.
 pub fn adjoint_test<T: LinearOperator>(operator: &T, trials: usize, seed: u64) -> Result<AdjointTest> {
     let mut numbers = SplitMix(seed);
     let (mut x, mut y) = (operator.domain(), operator.range());

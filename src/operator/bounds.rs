@@ -9,7 +9,7 @@ use crate::{Error, Result};
 pub struct Bounds {
     /// l and u from the first element on.
     first: [Scalars; 2],
-    /// From which element on other l and u hold; the indices rise, and none is 0.
+    /// Elements from which on other l and u hold, with those; the elements rise, and none is 0.
     others: Vec<(usize, [Scalars; 2])>,
 }
 

@@ -1,6 +1,6 @@
 use super::{Bounds, Scalars, Vector};
 
-/// A symmetric positive definite M that lengths of steps are measured with: ‖x‖² = xᵀ M x.
+/// A symmetric positive definite M, which lengths of steps are measured in: ‖x‖² = xᵀ M x.
 ///
 /// The nearer M is to Aᵀ A, the fewer iterations a method takes.
 pub trait Metric<V>: Send + Sync {
@@ -10,8 +10,8 @@ pub trait Metric<V>: Send + Sync {
     /// v ← M⁻¹ v, or S⁻¹ v for an S ⪰ M that is easier to invert: symmetric, and the same S every time.
     fn shrink(&self, v: &mut V);
 
-    /// x ← the x within bounds that makes ⟨g, x − y⟩ + ½ norm ‖x − y‖² least or at least smaller than at y; on entry x
-    /// holds g.
+    /// x ← a point within bounds at which ⟨g, x − y⟩ + ½ norm ‖x − y‖² is least, or at any rate smaller than at y. On entry x holds
+    /// g.
     fn descend(&self, x: &mut V, y: &V, norm: Scalars, bounds: &Bounds);
 
     /// Whether xᵀ M x ≥ ‖A x‖² is known for all x.

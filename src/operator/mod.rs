@@ -63,9 +63,9 @@ impl PendingSum for Scalars {
 
 /// A vector with three channels an element. Threads may share it.
 ///
-/// What a device is told to do it does later; where it fails, the next method that returns a result says so.
+/// A device does later what it is told; where that fails, the next method that returns a result says so.
 pub trait Vector: Sized + Send + Sync {
-    /// What a sum over the elements is until it is asked for: to ask for several together costs one wait.
+    /// A sum over the elements that may still be under way. Asking for several together costs one wait.
     type Sum: PendingSum;
 
     /// The number of elements (each of three channels).

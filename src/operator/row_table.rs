@@ -35,9 +35,9 @@ impl<T: Traversal<f64, C>, const C: usize> MatrixRows<f32, C> for Rounded<'_, T,
 pub struct RowTable {
     /// One more than rows.
     pub offsets: Vec<usize>,
-    /// One a non-zero.
+    /// The element of each non-zero, row after row.
     pub elements: Vec<u32>,
-    /// One channel for grey media, else three; one number a non-zero each.
+    /// The weights of each channel, a number a non-zero: one channel for grey rows, else three.
     pub weights: Vec<Vec<f32>>,
 }
 

@@ -44,7 +44,9 @@ impl<'a, V: Vector, R: Vector> Stacked<'a, V, R> {
         Ok(self)
     }
 
-    /// What the lower operators make of x.
+    /// Each lower operator applied to x.
+    ///
+    /// Errors: [`Error::Shape`](crate::Error::Shape) for an x of another length; those of the operators.
     pub fn below(&self, x: &V) -> Result<Vec<V>> {
         let apply = |operator: &Block<'a, V, V>| {
             let mut y = operator.range();
@@ -96,7 +98,7 @@ impl<V: Vector, R: Vector> LinearOperator for Stacked<'_, V, R> {
 pub struct Blocks<R, V = R> {
     /// Over the rows of the data.
     pub upper: R,
-    /// Over those of the regularizers.
+    /// Over the rows of the regularizers, one vector a regularizer.
     pub lower: Vec<V>,
 }
 
@@ -135,7 +137,7 @@ macro_rules! each {
     }};
 }
 
-/// The sum over all blocks, each of them under way; it takes no memory.
+/// A sum over all blocks of which the block's sums are under way; it takes no memory.
 #[derive(Debug)]
 pub struct BlockSum<R, V> {
     upper: R,

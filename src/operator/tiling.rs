@@ -11,7 +11,7 @@ pub struct Tiling {
 }
 
 impl Tiling {
-    /// Tiles over a lattice of so many elements along each of two axes, of which `columns` are unknown.
+    /// Tiles over a lattice of `size` elements along two axes, of which `columns` are unknown.
     pub fn new(size: [usize; 2], columns: &[u32]) -> Self {
         Self::placed(&size.into(), size[0] * size[1], columns, columns)
     }

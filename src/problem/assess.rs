@@ -38,9 +38,9 @@ pub struct Assessor<'a> {
 pub struct Assessment {
     /// Over all rows.
     pub all: Match,
-    /// View by view.
+    /// Of each view.
     pub views: Vec<Match>,
-    /// Radiance of each row, that which is known included.
+    /// Radiance of each row with weight, its known radiance included.
     pub shown: Vec<Rgb>,
 }
 
@@ -48,6 +48,7 @@ impl<'a> Assessor<'a> {
     /// Finds out which rows are contested.
     ///
     /// Cost: 3 applications of the adjoint, 1 of T.
+    /// Errors: those of the operator.
     pub fn new(problem: &'a LightMapProblem, operator: &'a dyn FromHost) -> Result<Self> {
         Ok(Self { problem, operator, contested: contested(problem, operator)? })
     }
@@ -55,6 +56,7 @@ impl<'a> Assessor<'a> {
     /// Compares what the light map `x` (all elements) shows with the targets, over all rows and in each of `views` views.
     ///
     /// Cost: 1 application of T.
+    /// Errors: [`crate::Error::Shape`] for another number of elements; those of the operator.
     pub fn assess(&self, x: &[Rgb], views: usize) -> Result<Assessment> {
         let mut shown = self.operator.shown(x)?;
         let mut all = Sums::default();

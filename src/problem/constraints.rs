@@ -10,7 +10,7 @@ pub struct Constraint {
     pub x: usize,
     /// Row of the pixel.
     pub y: usize,
-    /// The painted colour.
+    /// The painted colour: dimensionless for `tint`, radiance for `radiance`.
     pub color: Rgb,
     /// The painted alpha, in (0, 1]; 0 of pixels that are not painted, where they are not skipped.
     pub weight: f32,
@@ -27,7 +27,8 @@ pub(super) struct RowRadiance {
     pub(super) white: Vec<Rgb>,
 }
 
-/// All painted pixels, view by view, row by row (and the others among them, where [`Skipping`](crate::scene::Skipping) says so).
+/// All painted pixels, view by view, row by row. Pixels without paint are among them where [`Skipping`](crate::scene::Skipping) does
+/// not skip them.
 ///
 /// Errors: [`Error::Empty`] when nothing is painted.
 pub fn constraints(scene: &Scene) -> Result<Vec<Constraint>> {
@@ -41,7 +42,9 @@ pub fn constraints(scene: &Scene) -> Result<Vec<Constraint>> {
     Ok(constraints)
 }
 
-/// The same, where nothing need be painted yet.
+/// All painted pixels, as [`constraints`] gives them; none where nothing is painted.
+///
+/// Errors: those of [`paint`](super::paint), with the view's name.
 pub fn pixels(scene: &Scene) -> Result<Vec<Constraint>> {
     let mut constraints = Vec::new();
     for (view, painted) in scene.views.iter().enumerate() {

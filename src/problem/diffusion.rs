@@ -11,23 +11,23 @@ use crate::{Error, Result};
 /// Places of a lattice, the first axis running fastest, and their colours.
 #[derive(Debug, Clone, Copy)]
 pub struct Known<'a> {
-    /// Increasing.
+    /// Numbers of places, increasing.
     pub places: &'a [u32],
-    /// One a place.
+    /// The colour of each place, in any unit.
     pub colors: &'a [Rgb],
 }
 
 /// What has been spread, and how long it took.
 #[derive(Debug, Clone)]
 pub struct Diffused {
-    /// One a place that was empty.
+    /// The colour of each place that was empty, in their order.
     pub colors: Vec<Rgb>,
     /// Steps of conjugate gradients.
     pub iterations: usize,
 }
 
-/// The colours of the empty places of a lattice that make the sum of squared differences between neighbours least, the known
-/// ones being as they are. `F` is the precision of the solve. Places that are neither are not there.
+/// The colours of the empty places of a lattice that make the sum of squared differences between neighbours least, with those of the
+/// known places as they are. Places that are neither empty nor known do not take part. `F` is the precision of the solve.
 ///
 /// Law     each empty place is the mean of its neighbours (the discrete Laplace equation), so no channel leaves the range that
 ///         the known ones span; held by tests/suite/volume/animation.rs
@@ -122,8 +122,8 @@ impl Rim {
     }
 }
 
-/// For every empty place the mean of the known ones in the smallest of ever larger blocks that has any: where the diffusion
-/// begins, so that it need not travel far, and what is kept where it does not arrive.
+/// For every empty place the mean of the known places near it: those in the smallest block around it that has any. The diffusion begins
+/// there, so that it need not travel far; where it does not arrive, that is kept.
 fn nearest_mean(size: &[usize], known: &Known, empty: &[u32]) -> Vec<Rgb> {
     let mut levels: Vec<Level> = Vec::new();
     let mut first = Level::above(size);
@@ -151,7 +151,7 @@ fn nearest_mean(size: &[usize], known: &Known, empty: &[u32]) -> Vec<Rgb> {
     empty.iter().map(mean).collect()
 }
 
-/// Sums of colours, and how many, over blocks of a lattice.
+/// The sum and the number of the known colours in each block of a lattice.
 struct Level {
     size: Vec<usize>,
     sums: Vec<[f32; 4]>,

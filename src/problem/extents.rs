@@ -8,7 +8,7 @@ use crate::scene::{Grid, LightFrame, MapSettings, Scene};
 use crate::visibility::{Geometry, ShadowMap};
 use crate::{Error, Result};
 
-/// Where light map and shadow map lie, the shadow map itself, and what it is a map of.
+/// Where light map and shadow map lie, the shadow map itself, and the geometry that it is a map of.
 #[derive(Debug, Clone)]
 pub struct Maps {
     /// The hierarchy over the scene's triangles.
@@ -26,8 +26,8 @@ pub struct Maps {
 /// Fits the maps to what is seen where `light_map` and the scene do not set them, and renders the shadow maps. `geometry` is the hierarchy
 /// over the scene's triangles.
 ///
-/// The light map covers the rays through painted pixels (of a scene without any, what all views see), the shadow
-/// maps what all views see; all only as far as there is geometry to cast a shadow.
+/// The light map covers the rays through painted pixels, or all that views see where nothing is painted. The shadow maps cover all that
+/// views see. Neither goes beyond the geometry, which alone casts shadows.
 ///
 /// Errors: [`Error::Value`] for an extent without area.
 pub fn fit(scene: &Scene, light_map: &MapSettings, geometry: &Arc<Geometry>) -> Result<Maps> {

@@ -8,13 +8,13 @@ use crate::{Error, Result};
 /// A least-squares problem in pictures, whatever is looked for: `min ½ Σ w (T x − b)² + regularizers, l ≤ x ≤ u`.
 #[derive(Debug, Clone)]
 pub struct Formulation<'a> {
-    /// b of each row.
+    /// b of each row: radiance, for extinction optical depth.
     pub targets: &'a [Rgb],
-    /// w of each row.
+    /// w of each row and channel, dimensionless.
     pub weights: Cow<'a, [Rgb]>,
-    /// Σ w L², L what the rows should show, all told: what noise is relative to.
+    /// Σ w L² over the rows, a number a channel, with L all that a row should show: what noise is relative to.
     pub wanted: Scalars,
-    /// The elements, kind by kind.
+    /// The elements: one part a kind, one behind the other.
     pub parts: Vec<Part<'a>>,
     /// What a person can do when the rows are too dark to be computed with.
     pub remedy: &'static str,
@@ -23,17 +23,17 @@ pub struct Formulation<'a> {
 /// Elements of one kind, side by side among all elements.
 #[derive(Debug, Clone, Copy)]
 pub struct Part<'a> {
-    /// What they are, such as `texels`.
+    /// What the elements are, in the plural, such as `texels`.
     pub noun: &'static str,
-    /// x₀, which the regularizers pull to and elements keep that no row reaches.
+    /// x₀: the regularizers pull to it, and elements that no row reaches keep it.
     pub start: Start<'a>,
-    /// l and u, one pair a channel; infinite where there is none.
+    /// l and u of each channel, in the unit of the elements; infinite where there is no bound.
     pub bounds: [Scalars; 2],
-    /// What the pull towards the start is multiplied by.
+    /// Factor of the pull towards the start, dimensionless; 1 leaves it as the settings say.
     pub pull: f64,
-    /// Where they lie side by side, if they do.
+    /// Which elements lie beside which; none for elements without neighbours.
     pub lattice: Option<Lattice<'a>>,
-    /// Parts of one scale share a mean column norm, which their λ is relative to. Columns of another kind may be far longer.
+    /// Number of the group of parts whose λ is relative to one mean column norm. Columns of another group may be far longer.
     pub scale: usize,
 }
 

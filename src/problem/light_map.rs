@@ -67,8 +67,11 @@ impl LightMapProblem {
         Self::of(scene, &Arc::new(Geometry::new(scene.mesh.clone())?), constraints(scene)?, &Traced)
     }
 
-    /// The same over a hierarchy that is there, which must be of the scene's triangles, from pixels that are painted already, with surfaces
-    /// found in a way of the caller's.
+    /// The problem of pixels that are painted already. `geometry` must be the hierarchy over the scene's triangles, and `surfaces`
+    /// finds what the rays meet.
+    ///
+    /// Errors: [`Error::Empty`] when every painted pixel is in shadow or in light from beside the light map alone; [`Error::Value`] for maps
+    /// without area; those of `surfaces`.
     pub fn of(
         scene: &Scene,
         geometry: &Arc<Geometry>,
@@ -328,7 +331,7 @@ impl Problem for LightMapProblem {
         on_host(&self.traversal, (self.grey, &self.plan), (strategy, u64::MAX))
     }
 
-    /// All rows are kept where that is possible, else walked, with kept rows of what they show beside their texels.
+    /// All rows are kept where that is possible. Else the texels along the rays are walked, and the further weights are kept.
     ///
     /// Errors: [`Error::Unsupported`] for light whose squares f32 does not hold.
     #[cfg(feature = "gpu")]
@@ -419,7 +422,8 @@ impl Problem for LightMapProblem {
     }
 }
 
-/// Sums of squares are made in f32 on an adapter: those of fainter light would be zero, and of brighter light infinite.
+/// Whether an adapter can sum up squares of this light in f32. The sums would be zero for fainter light, and infinite for brighter
+/// light.
 ///
 /// Errors: [`Error::Unsupported`].
 #[cfg(feature = "gpu")]
@@ -475,7 +479,7 @@ fn of_scattered_light(traversal: &LightMapTraversal, start: Rgb) -> Result<RowRa
     })
 }
 
-/// Whether more than rounding is left of a row's lit weight without what comes from beside the map.
+/// Whether a row gets light through the map: more than rounding is left of its lit weight less its outside weight.
 fn passes_the_map([lit, outside]: &[[f64; 3]; 2]) -> bool {
     (0..3).any(|c| lit[c] - outside[c] > 1e-12 * lit[c])
 }

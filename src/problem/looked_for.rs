@@ -18,12 +18,12 @@ use crate::sparse::ExplicitMatrix;
 
 /// What is looked for in pictures, as jobs and labs see it: light maps, volumes, lights around them.
 ///
-/// A row is a pixel, an element one of the numbers that are looked for, three channels each.
+/// A row is a pixel, and an element is one of the numbers that are looked for. Both have three channels.
 pub trait Problem: Debug + Send + Sync {
-    /// b of each row.
+    /// b of each row: radiance, for extinction optical depth.
     fn targets(&self) -> &[Rgb];
 
-    /// w of each row.
+    /// w of each row and channel, dimensionless.
     fn weights(&self) -> CpuVector;
 
     /// The view of a row, and its pixel there, counted row by row of the picture.
@@ -40,7 +40,7 @@ pub trait Problem: Debug + Send + Sync {
     /// Errors: [`crate::Error::Value`] naming a bound.
     fn formulation(&self, settings: &SolveSettings) -> Result<Formulation<'_>>;
 
-    /// What methods have found, as the problem hands it over.
+    /// Makes of what a method has found what the problem hands over; texels, for one, may be filled.
     ///
     /// Errors: [`crate::Error::NonFinite`] naming an element.
     fn complete(&self, _settings: &SolveSettings, solved: Solved) -> Result<Solved> {
@@ -50,21 +50,22 @@ pub trait Problem: Debug + Send + Sync {
     /// The problem of some of its rows.
     fn picked(&self, rows: &[usize]) -> Box<dyn Problem>;
 
-    /// The same rows, integrated in another way or cut at another transmittance; none where they cannot be.
+    /// The same rows with another quadrature, and cut at another transmittance where one is given. None where the rows have no such
+    /// form.
     fn integrated(
         &self,
         quadrature: Quadrature,
         transmittance_bound: Option<f64>,
     ) -> Option<Box<dyn Problem>>;
 
-    /// The same rows, walked without skipping what is empty or evenly lit; none where nothing is skipped.
+    /// The same rows, walked without skipping what is empty or evenly lit. None where these rows skip nothing.
     fn unskipped(&self) -> Option<Unskipped>;
 
-    /// What cutting the rows at the transmittance bound may change: ‖what is lost‖ is at most this for elements of 1. None where that is
-    /// not known.
+    /// Bound on what cutting the rows at the transmittance bound loses: the norm of the loss over all rows and channels, for
+    /// elements of 1. None where no bound is known.
     fn most_lost(&self) -> Option<f64>;
 
-    /// Foresees the rows anew, to time it.
+    /// Makes the plan anew, so that this can be timed.
     fn replan(&mut self);
 
     /// The non-zeros of a row.
@@ -85,24 +86,24 @@ pub trait Problem: Debug + Send + Sync {
     #[cfg(feature = "gpu")]
     fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, budget: u64, deterministic: bool) -> Result<GpuOperator>;
 
-    /// T as a matrix of so many non-zeros at most.
+    /// T as an explicit matrix of at most `most` non-zeros.
     ///
     /// Errors: [`crate::Error::TooLarge`] for more.
     fn explicit(&self, most: u64) -> Result<ExplicitMatrix>;
 
-    /// All that could be looked for, unknown or not.
+    /// The number of elements that could be looked for, whether any row reaches them or not.
     fn candidates(&self) -> usize;
 
-    /// Bytes of what rays meet and of what is prepared for them, beside the scene.
+    /// Bytes of what is prepared for the rows beside the scene, such as shadow maps and weights.
     fn prepared_bytes(&self) -> u64;
 
     /// Bytes of the rays, one a row.
     fn ray_bytes(&self) -> u64;
 
-    /// All numbers beside rows, targets and start that T depends on, to tell one problem from another.
+    /// Gives `add` all numbers that T depends on beside rows, targets and start. They tell one problem from another.
     fn digest(&self, add: &mut dyn FnMut(u64));
 
-    /// What is not computed because nothing depends on it, by the names of reports: how many, of how many.
+    /// What is not computed because nothing depends on it: its name in reports, and how many are skipped of how many.
     fn skipped(&self) -> Vec<(&'static str, [usize; 2])>;
 
     /// What reports call its things; elements are called by [`super::Part::noun`].
@@ -128,7 +129,7 @@ pub trait Problem: Debug + Send + Sync {
         (0..self.rows()).filter(weighs).map(|row| self.pixel(row)[0]).collect()
     }
 
-    /// Bytes that keeping all rows takes on the processor, foreseen.
+    /// Bytes that keeping all rows would take on the processor, as the plan foresees it.
     fn kept_bytes(&self) -> u64 {
         kept_bytes::<f32>(self.plan(), if self.is_grey() { 1 } else { 3 })
     }
@@ -165,9 +166,9 @@ pub struct Unskipped {
     pub what: &'static str,
     /// The setting that does so for a whole job.
     pub switch: &'static str,
-    /// What its work is counted in.
+    /// The unit of `work`, in the plural.
     pub unit: &'static str,
-    /// How much is done with and without skipping.
+    /// How much is done with skipping and without, in `unit`.
     pub work: [f64; 2],
     /// The rows.
     pub problem: Box<dyn Problem>,

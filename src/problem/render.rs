@@ -23,8 +23,8 @@ pub struct Rendering {
     pub after: Image,
 }
 
-/// Renders view `view` with the light's own radiance and with the texels of a light map, or with all elements of a problem: behind the
-/// texels those of the scene's surroundings, which else are as they start.
+/// Renders a view with the light's own radiance, and with a light map. `light_map` has the texels alone, and the surroundings are as
+/// they start; or it has all elements of a problem, which are the texels and behind them those of the surroundings.
 ///
 /// Scattered light is that of the operator that is solved with, over all pixels. To it come surfaces (diffuse, lit by
 /// the sun and the lights of the sky where nothing blocks them, and by the ambient light), what the medium scatters of those lights,
@@ -54,10 +54,10 @@ pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize
     Ok(Rendering { before: picture(0)?, after: picture(1)? })
 }
 
-/// A light map, and what is behind its texels, as their difference to the light as it starts.
+/// A light map and the further elements behind its texels, as differences from their start.
 struct Changed {
     difference: Vec<Rgb>,
-    /// Where the difference is not zero, one texel of the basis' support around it included.
+    /// Where a texel differs from its start, or one beside it does: the support of the basis.
     mask: Arc<ShadowMap>,
     /// Of the sun outside the light map.
     sun: Rgb,

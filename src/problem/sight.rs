@@ -10,14 +10,14 @@ use crate::visibility::Geometry;
 
 /// Transmittance at which a ray that hits nothing no longer counts for the extent of the maps.
 const FADED: f64 = 0.02;
-/// Every so many pixels of a view are looked along for what the view sees.
+/// Pixels from one sampled ray of a view to the next, along both axes.
 const PIXEL_STRIDE: usize = 8;
-/// Room around what was seen, as a share of it.
+/// Room around what was seen, as a share of its larger side.
 const MARGIN: f64 = 0.01;
 /// Room for rounding, as a share of the distance from the origin: some thousand times that of f64.
 const ROUNDING: f64 = 1e-12;
 
-/// What view rays pass through: of each where it begins and where it no longer counts.
+/// The stretches of space that view rays pass through: where each begins, and where it no longer counts; in world space, metres.
 #[derive(Debug, Default)]
 pub(super) struct Sight(Vec<[DVec3; 2]>);
 
@@ -67,7 +67,7 @@ impl Sight {
     }
 }
 
-/// Where a shadow map along some frame lies; none where nothing casts a shadow.
+/// The grid of a shadow map along a frame, over what is both seen and occluded; none where nothing casts a shadow.
 pub(super) fn shadow_grid(
     scene: &Scene,
     sight: &Sight,

@@ -12,13 +12,13 @@ use crate::visibility::{Geometry, ShadowMap};
 /// One direction that a light of the sky comes from, and what stands in its way.
 #[derive(Debug, Clone)]
 pub struct SkyBeam {
-    /// Which light.
+    /// The number of the light among those of the sky.
     pub light: usize,
-    /// Towards it; of unit length.
+    /// Towards the light, in world space; of unit length.
     pub towards: DVec3,
     /// The part of the light's solid angle that it stands for, in steradians.
     pub solid_angle: f64,
-    /// The frame along it.
+    /// The frame of the light that comes from this direction.
     pub frame: LightFrame,
     /// Where the light arrives.
     pub shadow_map: ShadowMap,

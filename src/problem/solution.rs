@@ -8,7 +8,7 @@ use crate::solve::{
     Mprgp, Spectral, State, Vectors, drive, hand_out, outline, restore,
 };
 
-/// What a solve was in when it was left, to be continued.
+/// The state of a solve that was left, to be continued.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Paused {
     /// What has happened so far.
@@ -23,12 +23,16 @@ pub trait Snapshot {
     fn outline(&mut self) -> (Vec<usize>, Vec<f64>);
 
     /// Gives those vectors away, one after the other, so that no more than one need be on the host.
+    ///
+    /// Errors: those of fetching the vectors from where they are, and of `put`.
     fn hand_out(&mut self, put: &mut dyn FnMut(Vec<[f64; 3]>) -> Result<()>) -> Result<()>;
 
     /// Whether the solve has ended here.
     fn is_final(&self) -> bool;
 
     /// The state to continue from.
+    ///
+    /// Errors: those of fetching the vectors from where they are.
     fn state(&mut self) -> Result<State> {
         let mut vectors = Vec::new();
         self.hand_out(&mut |vector| {
@@ -39,13 +43,15 @@ pub trait Snapshot {
     }
 
     /// All elements as they are.
+    ///
+    /// Errors: those of fetching them from where they are.
     fn elements(&self) -> Result<Vec<Rgb>>;
 }
 
 /// What a problem is to a method.
 pub type SystemOperator<'a, V = CpuVector, R = V> = Stacked<'a, V, R>;
 
-/// [`minimize`]s, and hands over what was found as the problem asks for it: a light map, for one, may be filled.
+/// Solves a problem with [`minimize`], and completes what was found as the problem asks: a light map, for one, may be filled.
 ///
 /// Errors: as [`minimize`]; [`crate::Error::NonFinite`] names the element.
 pub fn solve<'b>(
@@ -65,7 +71,7 @@ pub fn solve<'b>(
 pub enum Begin<'a> {
     /// At x₀.
     AtTheStart,
-    /// At other elements; the pull is to x₀ still, and progress relative to it.
+    /// At other elements. The pull is still to x₀, and progress is relative to x₀.
     At(&'a [Rgb]),
     /// Where another solve was left.
     Resumed(Paused),
@@ -137,7 +143,7 @@ pub fn method<'a, O: LinearOperator + 'a>(name: SolverName, operator: &O) -> Box
     }
 }
 
-/// The vectors that a method keeps, and the loop beside it.
+/// How many vectors a method and the loop that drives it keep.
 pub fn vectors(name: SolverName) -> Vectors {
     let Vectors { domain, range } = match name {
         SolverName::Fista => Fista::<SystemOperator>::VECTORS,
@@ -153,6 +159,8 @@ pub fn vectors(name: SolverName) -> Vectors {
 }
 
 /// The squared residuals at x, moved into the bounds: what progress is relative to.
+///
+/// Errors: those of the operator and its vectors.
 pub fn measure<V: Vector, R: Vector>(
     problem: &LeastSquares<SystemOperator<V, R>>,
     start: &V,

@@ -5,15 +5,15 @@ use crate::solve::Outcome;
 /// A solved problem.
 #[derive(Debug)]
 pub struct Solved {
-    /// All elements; those that no row reaches keep the start (texels of a light map may be filled instead).
+    /// All elements. Those that no row reaches keep their start, or are filled where the problem asks for it.
     pub x: Vec<Rgb>,
-    /// The elements that some row reaches, in increasing order.
+    /// Numbers of the elements that some row reaches, increasing.
     pub columns: Vec<u32>,
     /// How the solve went.
     pub outcome: Outcome,
-    /// λ of the regularizers.
+    /// λ of the regularizers; unit of T squared.
     pub weights: RegularizationWeights,
-    /// The same relative to the mean squared column norm, as settings give them.
+    /// λ relative to the mean squared column norm, as settings give it; dimensionless.
     pub relative_weights: RegularizationWeights,
     /// Applications of the transport before the first iteration: the metric, the choice of λ.
     pub set_up_applications: usize,

@@ -8,9 +8,13 @@ use crate::visibility::{Geometry, Hit, ShadowMap};
 /// What finds the first surfaces behind the texels of a shadow map and behind painted pixels.
 pub trait Surfaces {
     /// The shadow map of a scene's geometry.
+    ///
+    /// Errors: those of [`ShadowMap::render`], and of an adapter where one finds the surfaces.
     fn shadow_map(&self, geometry: &Geometry, frame: &LightFrame, grid: Grid) -> Result<ShadowMap>;
 
     /// The first surface behind each painted pixel.
+    ///
+    /// Errors: those of an adapter where one finds the surfaces.
     fn hits(
         &self,
         scene: &Scene,

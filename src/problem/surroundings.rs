@@ -24,8 +24,8 @@ impl Seen {
         Self { ray, hit: maps.geometry.first_hit(&ray, f64::INFINITY) }
     }
 
-    /// What the surface shows, as radiance towards the eye, of light of one steradian from a direction; none where the light does not
-    /// arrive.
+    /// The point of the surface, and its radiance towards the eye per radiance of light that comes over one steradian from a
+    /// direction. None where that light does not arrive.
     pub(super) fn reflected(&self, scene: &Scene, maps: &Maps, towards: DVec3) -> Option<(DVec3, Rgb)> {
         let hit = self.hit?;
         let cosine = hit.normal.dot(towards);
@@ -41,7 +41,7 @@ impl Seen {
         Some((point, rgb(|c| (f64::from(hit.albedo[c]) * cosine / PI * transmittance[c]) as f32)))
     }
 
-    /// What medium and surface show of light that is the same from everywhere and meets nothing on its way.
+    /// Radiance of medium and surface per radiance of light that is the same from everywhere and meets nothing on its way.
     pub(super) fn of_ambient(&self, scene: &Scene) -> Rgb {
         let transmittance = self.hit.map_or([0.0; 3], |hit| scene.medium.transmittance(hit.distance));
         rgb(|c| {
@@ -51,7 +51,8 @@ impl Seen {
         })
     }
 
-    /// What is seen of the sky's lights, of those that are asked for: what the medium scatters, and what the surface reflects.
+    /// Radiance that is seen per radiance of each light of the sky: what the medium scatters, and what the surface reflects. It is
+    /// 0 for lights that are not asked for.
     ///
     /// Where a ray meets no surface it ends in the medium, which is everywhere: nobody sees the sky itself.
     pub(super) fn of_sky(
@@ -77,7 +78,7 @@ impl Seen {
     }
 }
 
-/// The texels around a point of the light map and how far it is between them; none outside.
+/// The texels around a point of the light map, and where the point lies between them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Corners {
     /// Of the lower row, then of the upper one.

@@ -15,11 +15,11 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RegularizationWeights {
-    /// Of the distance to the start.
+    /// Of the squared distance to the start.
     pub tikhonov: f64,
-    /// Of the sums of differences around an element.
+    /// Of the squared sums of the differences around an element.
     pub laplacian: f64,
-    /// Of the differences between neighbours.
+    /// Of the squared differences between neighbours.
     pub gradient: f64,
 }
 
@@ -122,6 +122,8 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
     }
 
     /// All elements, given the unknown ones; the others keep the start, moved into the bounds.
+    ///
+    /// Errors: [`Error::Value`] naming a bound; those of fetching x from where it is.
     pub fn all_elements(&self, problem: &Formulation, x: &V) -> Result<Vec<Rgb>> {
         let mut elements = CpuVector(problem.starts());
         elements.clamp(&problem.bounds()?);
@@ -226,7 +228,7 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         })
     }
 
-    /// The relative weights, with the one that is left open chosen by its rule.
+    /// The relative weights. One that the settings leave open is chosen by its rule.
     fn choose(
         &mut self,
         settings: &SolveSettings,
@@ -366,7 +368,7 @@ impl<V: Indexed> Regularizers<V> {
     }
 }
 
-/// The data's rows, each times the root of its weight, and their targets likewise.
+/// The rows of the data and their targets, each times the root of its weight.
 fn weighted<'a, V: Indexed + 'static, R: Vector + 'static>(
     operator: impl LinearOperator<Domain = V, Range = R> + Send + Sync + 'a,
     factors: R,
@@ -378,7 +380,7 @@ fn weighted<'a, V: Indexed + 'static, R: Vector + 'static>(
     Ok((Stacked::new(weighted), targets))
 }
 
-/// The elements that some row reaches; none where even the largest square leaves those of smaller weights no digits in f32.
+/// The elements that some row reaches. None where even the largest square is so small that smaller ones have no digits in f32.
 fn reached(coverage: &CpuVector) -> Vec<u32> {
     let most = coverage.0.iter().flatten().copied().fold(0.0, f32::max);
     if most < f32::MIN_POSITIVE / f32::EPSILON {
@@ -388,8 +390,8 @@ fn reached(coverage: &CpuVector) -> Vec<u32> {
     coverage.0.iter().enumerate().filter(is_reached).map(|(index, _)| index as u32).collect()
 }
 
-/// Mean over reached elements and channels of ‖W T eᵢ‖², of the first parts of one scale of which any is reached; and of each part the same
-/// of its own scale, relative to that.
+/// Mean squared column norms ‖W T eᵢ‖² over reached elements and channels, scale by scale. Gives that of the first scale of which an
+/// element is reached; and for each part that of its own scale, relative to the first.
 fn mean_squared_column_norms(problem: &Formulation, coverage: &CpuVector) -> (f64, Vec<f64>) {
     let mean = |scale: usize| {
         let (mut sum, mut count) = (0.0, 0);

@@ -5,11 +5,11 @@ use super::VolumeScene;
 pub struct Animation {
     /// Frames, numbered from 0.
     pub frames: usize,
-    /// In the order of their frames; at least one.
+    /// The key frames, in the order of their frames; at least one.
     pub keys: Vec<KeyFrame>,
 }
 
-/// A frame of which it is said what its pictures should show: a scene of its own.
+/// A frame whose pictures are wanted, as a scene of its own.
 #[derive(Debug)]
 pub struct KeyFrame {
     /// Its number.
@@ -21,9 +21,10 @@ pub struct KeyFrame {
 /// The two keys that a frame lies between.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KeySpan {
-    /// The keys at or before the frame and after it; the same one twice at a key, before the first and behind the last.
+    /// Numbers of the key at or before the frame and of the key after it. At a key, before the first and behind the last they are the
+    /// same.
     pub keys: [usize; 2],
-    /// What the second counts, from 0 to 1; the first counts the rest.
+    /// The share of the second key, from 0 to 1; the first has the rest.
     pub share: f64,
 }
 

@@ -104,8 +104,8 @@ impl Camera {
         [p.x / self.half_extent.x, p.y / self.half_extent.y, near, -p.z]
     }
 
-    /// How far something of this tangent of angular size reaches in the picture, in pixels, at most: towards the rim things
-    /// appear larger.
+    /// The most pixels of the picture that something spans whose angular size has this tangent: towards the rim things appear
+    /// larger.
     pub fn pixels_across(&self, tangent: f64) -> f64 {
         let side = |axis: usize| 0.5 * self.size[axis] as f64 / self.half_extent[axis];
         let rim = 1.0 + self.half_extent.length_squared();

@@ -64,7 +64,8 @@ impl Environment {
         Self::of(Distribution::Lights(basis, colors), 1)
     }
 
-    /// The light a `share` of the way to another, light by light; this one where either is no combination of lights.
+    /// The light a `share` of the way to another, from 0 to 1, light by light. It is this light itself where either is no
+    /// combination of lights.
     ///
     /// Errors: [`Error::Shape`] for another number of lights.
     pub fn blended(&self, other: &Self, share: f64) -> Result<Self> {
@@ -122,6 +123,8 @@ impl Environment {
     }
 
     /// As a latitude-longitude picture of so many columns and rows.
+    ///
+    /// Errors: [`Error::Shape`], as [`Image::new`].
     pub fn picture(&self, size: [usize; 2]) -> Result<Image> {
         let radiance = |pixel: usize| self.radiance(picture_direction(size, pixel));
         Image::new(size, (0..size[0] * size[1]).map(radiance).collect())
@@ -141,8 +144,8 @@ impl Environment {
         }
     }
 
-    /// Directions spread evenly over the sphere, each with the radiance times solid angle that comes from its part of it:
-    /// of a map the mean over the pixels that are nearest to it, of basis functions their own directions.
+    /// Directions spread over the sphere, each with the radiance times steradians that comes from its part of the sphere. Of a map
+    /// that is the sum over the pixels nearest to the direction. Of basis functions the directions are their own.
     pub fn beams(&self) -> Vec<(DVec3, Rgb)> {
         let points = fibonacci(self.directions, 2.0);
         let share = 4.0 * PI / self.directions as f64;

@@ -34,7 +34,9 @@ impl Image {
         self.pixels[y * self.size[0] + x]
     }
 
-    /// The picture itself, or an error naming the first pixel that is not finite.
+    /// The picture itself, when all of it is finite. `what` names it in the error.
+    ///
+    /// Errors: [`Error::NonFinite`] naming the first pixel that is not.
     pub fn finite(self, what: &str) -> Result<Self> {
         match self.pixels.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
             None => Ok(self),

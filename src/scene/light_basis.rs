@@ -19,7 +19,7 @@ pub struct LightBasis {
 pub struct BasisLight {
     /// Towards the middle of it; of unit length.
     pub towards: DVec3,
-    /// ∫ B dω in steradians: its light is as much as that of constant radiance from so large a part of the sphere.
+    /// ∫ B dω in steradians: it gives as much light as constant radiance from a part of the sphere of this size.
     pub solid_angle: f64,
 }
 
@@ -123,7 +123,7 @@ impl LightBasis {
         matches!(self.shape, Shape::Map { .. })
     }
 
-    /// The directions that the light of each of them is taken from, at most.
+    /// The most directions that the light of one of them is taken from.
     pub fn samples(&self) -> usize {
         match self.shape {
             Shape::Discs { samples, .. } => samples,
@@ -131,7 +131,7 @@ impl LightBasis {
         }
     }
 
-    /// Columns and rows of a lattice that the lights lie in: of a map its pixels, of discs rows of eight.
+    /// Columns and rows of the lattice that the lights lie in: the pixels of a map, or rows of eight discs.
     pub fn lattice(&self) -> [usize; 2] {
         match self.shape {
             Shape::Discs { .. } => [8, self.lights.len().div_ceil(8)],

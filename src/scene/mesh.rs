@@ -24,7 +24,7 @@ pub struct AlphaMask {
     pub size: [usize; 2],
     /// Alpha from 0 to 255, row by row from the top left.
     pub alpha: Vec<u8>,
-    /// Less than this, in [0, 1], is not there.
+    /// Where alpha is less than this, from 0 to 1, there is no surface.
     pub cutoff: f32,
     /// How coordinates wrap along u and v.
     pub wrap: [Wrap; 2],
@@ -92,7 +92,7 @@ fn wrapped(pixel: i64, size: i64, wrap: Wrap) -> i64 {
 /// What a triangle is made of.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
-    /// What its file calls it; none for built-in shapes, and where the file has no name for it.
+    /// Its name in its file; none for built-in shapes, and where the file does not name it.
     pub name: Option<String>,
     /// Diffuse reflectance, linear, in [0, 1].
     pub albedo: Rgb,
@@ -103,7 +103,7 @@ pub struct Material {
 /// What a triangle is part of: a built-in shape, a node of a glTF file, an object or a group of an OBJ file.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Object {
-    /// What its file calls it; none for built-in shapes, and where the file has no name for it.
+    /// Its name in its file; none for built-in shapes, and where the file does not name it.
     pub name: Option<String>,
     /// Which of the scene's occluders it came with, counted from 0.
     pub occluder: usize,

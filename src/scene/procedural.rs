@@ -47,7 +47,7 @@ pub struct Noise {
     pub scale: f64,
     /// How many.
     pub octaves: u32,
-    /// What each octave weighs of the one before.
+    /// Weight of each octave relative to the one before, from 0 to 1.
     pub gain: f64,
     /// How far it moves the rim of the shapes, in metres.
     pub depth: f64,
@@ -62,9 +62,9 @@ pub struct Noise {
 pub struct Procedural {
     /// The shapes; a point is inside where it is inside any of them.
     pub blobs: Vec<Blob>,
-    /// Value inside.
+    /// Value inside, in the unit of the volume.
     pub inside: f64,
-    /// Value outside.
+    /// Value outside, in the unit of the volume.
     pub outside: f64,
     /// Over how many metres the one becomes the other.
     pub edge: f64,

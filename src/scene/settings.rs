@@ -184,7 +184,7 @@ pub struct SolveSettings {
     pub time_limit: Option<Duration>,
     /// Stop when the painted pixels are met to this part of what is painted, root mean square.
     pub noise: Option<f64>,
-    /// The least and the largest value a channel; infinite where there is no bound.
+    /// The least and the largest value of each channel, in the unit of what is looked for; infinite where there is no bound.
     pub bounds: [[f64; 3]; 2],
     /// What steps are measured with, where the method can use it.
     pub metric: MetricName,
@@ -200,7 +200,7 @@ pub struct SolveSettings {
     pub strategy: Strategy,
     /// Memory that a solve may take, in bytes; none: three quarters of what the machine has free.
     pub memory: Option<u64>,
-    /// The rest of a ray is skipped once its transmittance is below this.
+    /// Transmittance, inside (0, 1), below which the rest of a ray is skipped.
     pub transmittance_bound: f64,
     /// What else is skipped.
     pub skip: Skipping,

@@ -11,6 +11,6 @@ pub struct Stroke {
     pub hardness: f32,
     /// Weight of the constraint in the middle of the stroke, in (0, 1].
     pub opacity: f32,
-    /// The desired colour, linear.
+    /// The desired colour, linear: dimensionless for `tint`, radiance for `radiance`.
     pub color: Rgb,
 }

@@ -103,7 +103,7 @@ impl VoxelGrid {
     }
 }
 
-/// What lies between the values of a volume, and the basis of one that is looked for.
+/// Interpolation between the values of a volume, and the basis of a volume that is looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Interpolation {
     /// Constant in each voxel.
@@ -199,6 +199,8 @@ impl Volume {
     }
 
     /// A volume with the same colour everywhere: grey where its channels are equal.
+    ///
+    /// Errors: as [`Volume::new`].
     pub fn constant(grid: VoxelGrid, [r, g, b]: [f32; 3]) -> Result<Self> {
         if r == g && g == b {
             return Self::new(grid, 1, Samples::F32(vec![r; grid.len()]));
@@ -284,6 +286,8 @@ impl Volume {
     }
 
     /// The same with every number mapped, in 32 bits.
+    ///
+    /// Errors: [`Error::NonFinite`] where a number no longer is finite.
     pub fn map(&self, of: impl Fn(f32) -> f32) -> Result<Self> {
         Self::new(self.grid, self.channels, Samples::F32(self.samples.iter().map(of).collect()))
     }

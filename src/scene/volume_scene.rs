@@ -16,11 +16,12 @@ pub struct VolumeScene {
     pub lights: Vec<DirectionalLight>,
     /// Light from everywhere, as it is before the solve.
     pub environment: Environment,
-    /// What the environment is a combination of where it is looked for.
+    /// The basis functions of an environment that is looked for.
     pub light_basis: Arc<LightBasis>,
-    /// Voxels of the cached light along each axis; none: the extinction's for suns, up to 128, and half of them for the environment, from 16 to 64.
+    /// Voxels of the cached light along each axis. Where it is none, suns have as many as the extinction, up to 128, and the
+    /// environment has half as many, from 16 to 64.
     pub light_size: Option<[usize; 3]>,
-    /// What is seen where a ray leaves the volume and meets no surface; none: the environment.
+    /// Radiance that is seen where a ray leaves the volume and meets no surface; that of the environment where it is none.
     pub background: Option<Rgb>,
     /// Surfaces in front of the volume, inside it and behind.
     pub mesh: Arc<Mesh>,
@@ -36,7 +37,7 @@ pub struct VolumeScene {
     pub extinction: ExtinctionSettings,
     /// Bounds of emission, albedo and extinction: the least and the largest value a channel.
     pub bounds: PropertyBounds,
-    /// How much emission and albedo are pulled to their start in a joint solve, relative to `solve.regularization.tikhonov`.
+    /// Pull of emission and albedo to their start in a joint solve, relative to `solve.regularization.tikhonov`.
     pub pull: [f64; 2],
     /// Whether voxels outside the visual hull of the masks are left out.
     pub hull: bool,
@@ -77,11 +78,12 @@ pub struct VolumeView {
     pub view: View,
     /// Radiance that the picture should show and, in alpha, the weight of each pixel.
     pub picture: Option<super::RgbaImage>,
-    /// Weight of pixels that nothing is painted on: they should stay as they are. Only where something is painted.
+    /// Weight with which unpainted pixels of a view stay as they are, from 0 to 1. It counts only where something is painted on the
+    /// view.
     pub keep: f32,
-    /// Where the volume is seen, if anywhere: 0 is outside it.
+    /// Whether the volume is seen in each pixel, row by row; none where nobody says.
     pub mask: Option<Vec<bool>>,
-    /// What is seen behind the volume, instead of the scene's background.
+    /// Radiance that is seen behind the volume, instead of the scene's background.
     pub background: Option<Image>,
 }
 
@@ -136,20 +138,20 @@ pub struct ExtinctionSettings {
     pub is_grey: bool,
     /// Steps of Gauss–Newton that a refinement takes at most.
     pub steps: usize,
-    /// Whether what the medium gives in a refinement is its emission and what it scatters once, rather than `medium_radiance`.
+    /// Whether a refinement takes the medium to emit and to scatter once, rather than to give `medium_radiance` everywhere.
     pub is_scattering: bool,
 }
 
 /// The least and the largest value a channel of each property.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PropertyBounds {
-    /// Of emission.
+    /// Of emission: radiance per optical depth.
     pub emission: [[f64; 3]; 2],
-    /// Of albedo.
+    /// Of albedo: dimensionless.
     pub albedo: [[f64; 3]; 2],
-    /// Of extinction.
+    /// Of extinction: 1/metre.
     pub extinction: [[f64; 3]; 2],
-    /// Of the environment's lights.
+    /// Of the lights of the environment: radiance.
     pub environment: [[f64; 3]; 2],
 }
 

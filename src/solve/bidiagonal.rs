@@ -6,7 +6,7 @@ use super::{LeastSquares, each};
 use crate::Result;
 use crate::operator::{LinearOperator, Scalars, Vector};
 
-/// The two vectors that go on, and the two numbers of the present column of B.
+/// The two vectors from which the next are made, and the two numbers of the present column of B.
 pub(super) struct Bidiagonal<O: LinearOperator> {
     /// β u = A v − α u: of length 1.
     pub(super) u: O::Range,

@@ -18,7 +18,7 @@ use crate::{Error, Result};
 /// How a weight is chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rule {
-    /// The weight with which every row is best foretold by the others.
+    /// The weight with which every row is best predicted by the others.
     Gcv,
     /// The corner of log ‖R (x − x₀)‖ over log ‖A x − b‖.
     LCurve,
@@ -40,7 +40,7 @@ const STANDS_STILL: f64 = 1e-3;
 const TRIED: usize = 121;
 const DECADES: f64 = 12.0;
 
-/// The λ of the one term that has none, by `rule`; for all three channels together.
+/// The λ of the one term that has none, chosen by `rule` for all three channels together.
 ///
 /// Cost: 60 applications, and 30 vectors of the domain and 30 of each regularizer's range while it lasts.
 ///

@@ -3,7 +3,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::stop::Progressing;
-use super::{Control, LeastSquares, Limits, Live, Measure, Method, Stop, StopReason};
+use super::{Control, Ending, LeastSquares, Limits, Live, Measure, Method, StopReason};
 use crate::operator::{Bounds, LinearOperator, PendingSum, Scalars, Vector, expect_len};
 use crate::{Error, Result};
 
@@ -32,7 +32,7 @@ pub struct History {
     pub start: Measure,
     /// How often the method began again because its recursion had parted from the truth.
     pub restarts: usize,
-    /// The least true normal residual found at such a moment; infinite before the first.
+    /// The least true normal residual at such a restart, relative to the start; infinite before the first.
     pub least_true: f64,
     /// Channels that are done, and are left as they are.
     pub settled: [bool; 3],
@@ -47,7 +47,7 @@ pub struct History {
 pub enum Beginning<'a, V> {
     /// At x₀, which progress is relative to.
     At(&'a V),
-    /// At x, where something like it was solved before; progress is relative to x₀ still, which costs two applications more.
+    /// At x, where a similar problem was solved before. Progress is still relative to x₀, which costs two applications more.
     From {
         /// Where it begins.
         x: &'a V,
@@ -64,7 +64,7 @@ pub struct Outcome {
     /// What happened on the way.
     pub history: History,
     /// Why it ended.
-    pub stop: Stop,
+    pub stop: Ending,
     /// ‖b − A x‖ at the end relative to the start, computed anew and not by recursion.
     pub true_residual: Scalars,
     /// The certificate: ‖Aᵀ (b − A x)‖, or with bounds the norm of the projected gradient, at the end relative to the
@@ -75,9 +75,9 @@ pub struct Outcome {
 /// A channel that starts with less than this part of the largest squared norm is measured against that part: its
 /// start is rounding, and cannot be improved on.
 const FLOOR: f64 = 1e-12;
-/// A channel that starts with a residual of so many roundings of its right-hand side is solved.
+/// A channel is solved whose residual at the start is at most this many roundings of its right-hand side.
 const SOLVED: f64 = 8.0;
-/// A true normal residual above the tolerance by more than this factor gives the lie to the recursive one.
+/// The factor above the tolerance from which on a true normal residual refutes the recursive one.
 const PARTED: f64 = 1.5;
 
 /// Runs a method until it should stop.
@@ -136,7 +136,7 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
             let helps = truth < 0.5 * history.least_true;
             if !helps || iteration >= limits.iterations {
                 let reason = if helps { StopReason::Iterations } else { StopReason::Stagnation };
-                return Ok(Outcome { stop: Stop { reason, iteration }, ..outcome });
+                return Ok(Outcome { stop: Ending { reason, iteration }, ..outcome });
             }
             history.least_true = truth;
             history.restarts += 1;
@@ -265,7 +265,7 @@ impl<O: LinearOperator> Judge<'_, O> {
         }
     }
 
-    /// What there is to say at the end, with the residuals computed anew; they stay in `r` and `s`.
+    /// The outcome, with the residuals computed anew; they stay in `r` and `s`.
     fn finish<M: Method<O> + ?Sized>(
         &mut self,
         method: &M,
@@ -282,13 +282,13 @@ impl<O: LinearOperator> Judge<'_, O> {
         let iteration = history.progress.last().map_or(0, |last| last.iteration);
         Ok(Outcome {
             history: history.clone(),
-            stop: Stop { reason, iteration },
+            stop: Ending { reason, iteration },
             true_residual,
             true_normal_residual,
         })
     }
 
-    /// Whether the truth agrees that every channel is done, by tolerance or by discrepancy.
+    /// Whether the residuals computed anew agree that every channel is done, by tolerance or by discrepancy.
     fn confirms(&self, outcome: &Outcome) -> Result<bool> {
         let data = self.r.upper_norm_squared()?;
         Ok((0..3).all(|c| {

@@ -17,9 +17,9 @@ use crate::Result;
 pub struct GaussNewton {
     /// Steps at most.
     pub steps: usize,
-    /// A step that brings f nearer by less than this part of its distance is the last.
+    /// Least part of the distance by which a step must bring f nearer; one that gains less is the last.
     pub least_gain: f64,
-    /// How much of a step is tried: all, a half, and so on, so many times.
+    /// How many shares of a step are tried: all of it, a half, a quarter, and so on.
     pub tries: i32,
 }
 
@@ -32,7 +32,7 @@ impl GaussNewton {
 
 /// A problem that is solved by linear ones.
 pub trait NonLinear {
-    /// Where the linear problem leads from where this stands, and all that there is to tell of it.
+    /// A solution of the linear problem around the present point, with all that a caller wants to hear of it.
     type Step;
 
     /// ‖f(x) − b‖ where it stands.
@@ -56,9 +56,9 @@ pub trait NonLinear {
 pub struct Taken {
     /// Which step, from 0.
     pub number: usize,
-    /// How much of it was taken, if any was.
+    /// The share of the step that was taken, from 0 to 1; none where no share of it came nearer.
     pub share: Option<f32>,
-    /// The distances before and after.
+    /// ‖f(x) − b‖ before and after the step.
     pub distance: [f64; 2],
 }
 

@@ -2,7 +2,7 @@ use super::{LeastSquares, Measure};
 use crate::Result;
 use crate::operator::{LinearOperator, PendingSum, Vector};
 
-/// Where a method within bounds stands: x, and what is known there.
+/// The iterate of a method within bounds: x, and what is known there.
 pub(super) struct Iterate<O: LinearOperator> {
     pub(super) x: O::Domain,
     /// b − A x.

@@ -62,18 +62,24 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     }
 
     /// y ← A x.
+    ///
+    /// Errors: those of the operator, [`Error::Shape`](crate::Error::Shape) for vectors that do not fit among them.
     pub fn apply(&self, x: &O::Domain, y: &mut O::Range) -> Result<()> {
         self.applications.set(self.applications.get() + 1);
         self.operator.apply(x, y)
     }
 
     /// x ← Aᵀ y.
+    ///
+    /// Errors: those of the operator, [`Error::Shape`](crate::Error::Shape) for vectors that do not fit among them.
     pub fn apply_adjoint(&self, y: &O::Range, x: &mut O::Domain) -> Result<()> {
         self.applications.set(self.applications.get() + 1);
         self.operator.apply_adjoint(y, x)
     }
 
     /// r ← b − A x.
+    ///
+    /// Errors: those of the operator, [`Error::Shape`](crate::Error::Shape) for vectors that do not fit among them.
     pub fn residual(&self, x: &O::Domain, r: &mut O::Range) -> Result<()> {
         self.apply(x, r)?;
         r.axpby([1.0; 3], self.rhs, [-1.0; 3]);
@@ -81,6 +87,8 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     }
 
     /// g ← Aᵀ (A x − b), given r = b − A x.
+    ///
+    /// Errors: those of the operator, [`Error::Shape`](crate::Error::Shape) for vectors that do not fit among them.
     pub fn gradient(&self, r: &O::Range, g: &mut O::Domain) -> Result<()> {
         self.apply_adjoint(r, g)?;
         g.scale([-1.0; 3]);

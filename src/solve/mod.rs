@@ -45,7 +45,7 @@ pub use lsmr::Lsmr;
 pub use lsqr::Lsqr;
 pub use mprgp::Mprgp;
 pub use spectral::Spectral;
-pub use stop::{Control, Limits, Progressing, Stop, StopReason};
+pub use stop::{Control, Ending, Limits, Progressing, StopReason};
 
 use crate::operator::{LinearOperator, Scalars, Vector};
 use crate::{Error, Result};
@@ -80,11 +80,11 @@ pub struct Vectors {
 /// What of a method lives from one iteration to the next.
 #[derive(Debug)]
 pub struct MethodMemory<'a, O: LinearOperator> {
-    /// Vectors like x.
+    /// Vectors of the shape of x.
     pub domain: Vec<&'a mut O::Domain>,
-    /// Vectors like b.
+    /// Vectors of the shape of b.
     pub range: Vec<&'a mut O::Range>,
-    /// Scalars.
+    /// Scalars, a number a channel each.
     pub scalars: Vec<&'a mut Scalars>,
 }
 
@@ -101,6 +101,8 @@ pub trait Method<O: LinearOperator> {
     fn vectors(&self) -> Vectors;
 
     /// Begins, or begins again, at `x`; a method that keeps bounds moves it into them first.
+    ///
+    /// Errors: those of the operator and its vectors.
     fn begin(&mut self, problem: &LeastSquares<O>, x: &O::Domain) -> Result<()>;
 
     /// One iteration; channels that are not live keep their x.
@@ -140,6 +142,8 @@ fn ratio(a: Scalars, b: Scalars) -> Scalars {
 }
 
 /// The state of a method.
+///
+/// Errors: those of fetching its vectors from where they are.
 pub fn save<O: LinearOperator>(method: &mut (impl Method<O> + ?Sized)) -> Result<State> {
     let mut vectors = Vec::new();
     hand_out(method, &mut |vector| {
@@ -157,6 +161,8 @@ pub fn outline<O: LinearOperator>(method: &mut (impl Method<O> + ?Sized)) -> (Ve
 }
 
 /// Gives the vectors of a method's state away, one after the other, so that no more than one need be on the host.
+///
+/// Errors: those of fetching them from where they are, and of `put`.
 pub fn hand_out<O: LinearOperator>(
     method: &mut (impl Method<O> + ?Sized),
     put: &mut dyn FnMut(Vec<[f64; 3]>) -> Result<()>,

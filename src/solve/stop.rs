@@ -74,7 +74,7 @@ impl StopReason {
 
 /// Why and when a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Stop {
+pub struct Ending {
     /// Why.
     pub reason: StopReason,
     /// After how many iterations.

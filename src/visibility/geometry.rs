@@ -37,7 +37,7 @@ pub struct Hit {
 impl Geometry {
     /// The most triangles that one geometry holds.
     pub const MAX_TRIANGLES: usize = 1 << 28;
-    /// How far from the origin a vertex may be along each axis, in metres.
+    /// Largest coordinate of a vertex, in metres.
     pub const MAX_COORDINATE: f64 = 1e12;
 
     /// Builds the hierarchy. An empty mesh is fine: open air.

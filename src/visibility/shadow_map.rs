@@ -51,13 +51,17 @@ impl ShadowMap {
     /// The first surface behind each texel centre, seen along `frame`.
     ///
     /// Cost: one ray a texel.
+    /// Errors: as [`ShadowMap::new`].
     pub fn render(geometry: &Geometry, frame: &LightFrame, grid: Grid) -> Result<Self> {
         Self::render_by(geometry, frame, grid, |_, ray| {
             geometry.first_hit(ray, f64::INFINITY).map(|hit| hit.distance)
         })
     }
 
-    /// The same with what finds the distance to the first surface along the ray of a texel, given its index.
+    /// The same, where `distance` finds how far the first surface is along the ray of a texel, given the texel's index.
+    ///
+    /// Units   distance: metres; none where there is no surface
+    /// Errors: as [`ShadowMap::new`].
     pub fn render_by(
         geometry: &Geometry,
         frame: &LightFrame,
@@ -80,7 +84,7 @@ impl ShadowMap {
         Self::new(grid, start, &depths)
     }
 
-    /// A map that light passes where `passes` says so, whatever the depth, and nowhere else.
+    /// A map through which light passes where `passes` is true, whatever the depth, and nowhere else.
     ///
     /// Errors: [`Error::Shape`] for a wrong number of texels.
     pub fn mask(grid: Grid, passes: &[bool]) -> Result<Self> {

@@ -17,7 +17,7 @@ use crate::scene::{AlphaMask, Material, Rgb, Wrap};
 #[derive(Debug, Clone)]
 pub(super) struct Surface {
     pub(super) material: Material,
-    /// Nothing of it is there at all: its alpha is below its cut-off everywhere.
+    /// The surface is nowhere: its alpha is below its cut-off everywhere.
     pub(super) is_invisible: bool,
     pub(super) coordinates: Coordinates,
 }

@@ -15,7 +15,7 @@ pub(crate) enum Flaw {
         /// What is wrong and what would be right.
         problem: String,
     },
-    /// The machine is at fault; no place in the document would help.
+    /// The machine is at fault, and no place in the document has anything to do with it.
     Machine(Error),
 }
 
@@ -52,7 +52,7 @@ impl Flaw {
 }
 
 impl From<Error> for Flaw {
-    /// Whatever a file that the scene names or a value in it did wrong is told at its place in the scene.
+    /// An error in a file that the scene names, or in a value, is told at its place in the scene.
     fn from(error: Error) -> Self {
         match error {
             Error::Value { path, value, expected } => Self::value(path, value, expected),

@@ -130,6 +130,8 @@ pub enum Subject {
 }
 
 /// What a scene file is about; one that cannot be read is left to [`load`] to complain about.
+///
+/// Errors: [`Error::File`] and [`Error::TooLarge`] when the file cannot be read.
 pub fn subject(path: &Path) -> Result<Subject> {
     let bytes = read::bytes(path)?;
     let value = std::str::from_utf8(&bytes).ok().and_then(|text| read::value(text).ok());

@@ -3,7 +3,7 @@ use std::path::Path;
 
 use crate::{Error, Result};
 
-/// The other way of a [`ByteReader`](super::byte_reader::ByteReader).
+/// Writes bytes in the order in which a [`ByteReader`](super::byte_reader::ByteReader) reads them.
 pub(super) struct ByteWriter<'p, W> {
     file: W,
     path: &'p Path,

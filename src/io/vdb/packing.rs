@@ -121,7 +121,7 @@ impl Packer {
         Self { compression, deflate: Compress::new(flate2::Compression::default(), true) }
     }
 
-    /// What [`Unpacker::unpack`] takes back to `plain`, values of `width` bytes.
+    /// The packed form of `plain`, which are values of `width` bytes; [`Unpacker::unpack`] undoes it.
     pub(super) fn pack(&mut self, plain: Vec<u8>, width: usize) -> Vec<u8> {
         let shorter = match self.compression {
             Compression::None => return plain,

@@ -97,7 +97,7 @@ impl<'v, const C: usize> Sparse<'v, C> {
 /// What is written next.
 pub(super) enum Piece {
     Bytes(Vec<u8>),
-    /// No bytes, but the place where the voxels of the leaves begin.
+    /// The mark at which the voxels of the leaves begin; it is no bytes.
     Blocks,
 }
 

@@ -50,7 +50,8 @@ fn affine<R: Read + Seek>(source: &mut ByteReader<R>) -> Result<DAffine3> {
     Ok(DAffine3::from_cols(x, y, z, origin))
 }
 
-/// What [`read`] takes back to `world_from_index`: as scales where it is only that, as programs may ask for them.
+/// The stored form of `world_from_index`, which [`read`] undoes. It is scales where there is nothing else, because programs may ask for
+/// them.
 pub(super) fn bytes(world_from_index: &DAffine3) -> Vec<u8> {
     let m = world_from_index.matrix3;
     let origin = world_from_index.translation;

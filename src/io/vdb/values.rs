@@ -105,7 +105,7 @@ impl Encoder {
         Self { half, packer: Packer::new(compression) }
     }
 
-    /// What [`Decoder::node`] takes back to the values of a node, given its active ones.
+    /// The stored form of the values of a node, given its active ones; [`Decoder::node`] undoes it.
     pub(super) fn node<const C: usize>(&mut self, active: &[[f32; C]]) -> Vec<u8> {
         let numbers = active.as_flattened();
         let mut bytes = vec![inactive::BACKGROUND];

@@ -1,4 +1,4 @@
-//! What the readers of all formats share: errors that name the file, and the limits of a volume.
+//! A volume file, and what the readers of all formats share: errors that name the file, and the limits of a volume.
 
 use std::fs::File;
 use std::io::{self, BufReader};

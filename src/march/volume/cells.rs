@@ -73,7 +73,7 @@ impl CellRay {
         (a < b).then_some([a, b])
     }
 
-    /// Visits the pieces of [a, b] in cells of the set's bricks that are not passed over, in order: the cell, and where the piece
+    /// Visits the pieces of [a, b] in cells of the bricks of a set that hold something, in order: the cell, and where the piece
     /// begins and ends. Every cell comes at most once.
     #[inline(always)]
     pub(super) fn pieces(

@@ -21,7 +21,7 @@ pub struct Density {
     full: Option<[[usize; 3]; 2]>,
 }
 
-/// Part of the bricks of a box that hold something from which on a ray is faster cell by cell than brick by brick.
+/// Share of the bricks of a box that hold something, from which on walking cell by cell is faster than brick by brick.
 const FULL: f64 = 0.25;
 
 /// Optical depth over a piece of a ray inside one cell, as a polynomial: τ(u) = Σ aₙ uⁿ⁺¹ for u in [0, 1] along the piece.
@@ -88,7 +88,7 @@ impl Density {
     }
 
     /// Optical depth a channel along `direction` (of unit length) from `origin`, over `length` metres; infinite lengths are
-    /// allowed. Past a depth of 750, through which not even the least f64 gets, it may be too small.
+    /// allowed. Beyond a depth of 750, where e^−τ is below the least f64, it may be too small.
     pub fn optical_depth(&self, origin: DVec3, direction: DVec3, length: f64) -> [f64; 3] {
         self.depth_between(&Line { origin, direction }, 0.0, length)
     }

@@ -9,14 +9,14 @@ use crate::scene::{Volume, henyey_greenstein};
 /// centres of voxels with its transmittance through the medium, trilinear between them.
 #[derive(Debug, Clone, Default)]
 pub struct InScattering {
-    /// What arrives, already times the phase function where that does not depend on the view.
+    /// The cached light of each source. It is already times the phase function where that does not depend on the view.
     fields: Vec<LitVolume>,
 }
 
 /// Light from somewhere, at the points of a volume.
 #[derive(Debug, Clone)]
 pub struct LitVolume {
-    /// Where the light goes, for light from one direction, and the mean cosine g of its phase function.
+    /// For light from one direction: where it goes, of unit length, and the mean cosine g of its phase function.
     pub along: Option<(DVec3, f64)>,
     /// Radiance times solid angle at each point, attenuated on its way; for light from all directions times the phase
     /// function.

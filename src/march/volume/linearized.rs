@@ -11,7 +11,7 @@ use super::{GAUSS_2, GAUSS_4, InScattering, MOST_PANELS, PANEL, PixelRays, Volum
 use crate::march::{Traversal, Weight};
 use crate::scene::{Interpolation, Rgb, Volume, VoxelGrid, VoxelSet};
 
-/// S, what a medium gives towards the eye per optical depth.
+/// The source function S: radiance that a medium gives towards the eye per optical depth.
 #[derive(Debug, Clone)]
 pub enum SourceFunction {
     /// The same radiance everywhere.
@@ -27,11 +27,11 @@ pub enum SourceFunction {
     },
 }
 
-/// Rows of ∂L/∂σ_t at a medium: how the radiance L of view rays changes with the extinction of voxels, the light that is
-/// scattered taken as it is.
+/// Rows of ∂L/∂σ_t at a medium: how the radiance L of view rays changes with the extinction of voxels. The light that arrives to be
+/// scattered is taken as it is.
 ///
-/// With R(t) what is seen from beyond t, through all that is before it, the weight of voxel j is `∫ v_j (T_r S − R) dt`: more of
-/// the medium gives its own light and takes what is behind. Weights have either sign, and voxels without extinction have some, too.
+/// The weight of voxel j is `∫ v_j (T_r S − R) dt`, where R(t) is what is seen from beyond t through all that is before it. More of the
+/// medium adds its own light and hides what is behind. Weights have either sign, and voxels without extinction have some, too.
 ///
 /// Shapes  rows: view rays, or one a channel of each; elements: the voxels of the part
 /// Units   weights: radiance times metres
@@ -45,7 +45,7 @@ pub struct LinearizedTraversal {
     source: SourceFunction,
     /// Radiance behind the medium, a row each.
     behind: Arc<[Rgb]>,
-    /// The channel that each row is of; empty where a row is of all, and each has an extinction of its own.
+    /// The channel that each row is of. It is empty where rows are of all channels, each with an extinction of its own.
     channels: Arc<[u8]>,
     /// Cells in which there is extinction or an element.
     cells: Arc<VoxelSet>,

@@ -23,7 +23,7 @@ use density::Depth;
 use sink::{LitSink, ScatteredSink, Sink, merged};
 use window::{NearestVoxel, Trilinear, Visit, VoxelWindow};
 
-/// What a weight is the weight of.
+/// The quantity whose values a row's weights multiply.
 #[derive(Debug, Clone)]
 pub enum Quantity {
     /// Emitted radiance L_e: ∫ T_r σ_t v dt (Klehm 2015, eq. 7.4).
@@ -37,7 +37,7 @@ pub enum Quantity {
     InScattered(Arc<Volume>),
 }
 
-/// Unknowns of one quantity: some voxels of a grid.
+/// The elements of one quantity: some voxels of a grid. It is one part of the elements of a traversal.
 #[derive(Debug, Clone)]
 pub struct VoxelElements {
     /// What they are.
@@ -93,7 +93,7 @@ impl VoxelElements {
 /// What all rays of a volume problem share.
 #[derive(Debug, Clone)]
 pub struct VolumeTransport {
-    /// The medium that attenuates; [`Quantity::Extinction`] does without.
+    /// The medium that attenuates. [`Quantity::Extinction`] does not use it.
     pub density: Arc<Density>,
     /// What lies between the values of the unknown.
     pub basis: Interpolation,
@@ -128,7 +128,7 @@ pub const GAUSS_4: [[f64; 2]; 4] = [
 ];
 /// The same with two points: exact for the cubics that trilinear functions are along a line.
 pub const GAUSS_2: [[f64; 2]; 2] = [[0.211_324_865_405_187_13, 0.5], [0.788_675_134_594_812_9, 0.5]];
-/// Optical depth that four nodes are trusted with.
+/// Optical depth over which four nodes are accurate enough.
 pub const PANEL: f64 = 0.5;
 /// Panels of a cell at most: 5e5 of optical depth are resolved.
 pub const MOST_PANELS: f64 = 1_048_576.0;
@@ -223,8 +223,8 @@ impl VolumeTraversal {
         count
     }
 
-    /// Visits the voxels of a part's grid, elements or not, that a row sees; returns what is left of light at the row's end, to
-    /// the transmittance bound (of extinction, which knows none, 1).
+    /// Visits the voxels of a part's grid that a row sees, whether they are elements or not. Returns the transmittance at the row's
+    /// end, to the transmittance bound; for extinction, which is not attenuated, it is 1.
     #[inline]
     pub fn trace<const C: usize>(
         &self,
@@ -308,7 +308,7 @@ impl VolumeTraversal {
         strength
     }
 
-    /// Takes the samples of what is emitted or scattered along a line, in the cells of `grid`; whether the ray goes on.
+    /// Takes the samples of what is emitted or scattered along a line, in the cells of `grid`. Returns whether the ray goes on.
     #[inline(always)]
     fn attenuated<const C: usize, W: VoxelWindow<C>>(
         &self,

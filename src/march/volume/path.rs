@@ -20,7 +20,7 @@ pub struct PixelRays {
 }
 
 impl PixelRays {
-    /// Rays of one camera, whatever view their pixels `[view, pixel]` name.
+    /// Rays of one camera through pixels `[view, pixel]`; the view may be any number.
     pub fn seen_by_one(camera: Camera, pixels: impl Into<Arc<[[u32; 2]]>>) -> Self {
         Self { cameras: Arc::new([camera]), pixels: pixels.into(), lengths: Arc::new([]) }
     }

@@ -1,4 +1,4 @@
-//! What becomes of the samples of a ray.
+//! What the samples of a ray are added to.
 
 use super::super::Weight;
 use super::super::basis::{add, times};
@@ -9,8 +9,8 @@ use crate::scene::{Interpolation, Volume};
 
 /// Takes the samples of a ray in order.
 pub(super) trait Sink<const C: usize> {
-    /// A piece in a cell in which all but light is constant. Light that is linear along the piece counts for each channel as it
-    /// is at its `place`.
+    /// A piece in a cell in which all but light is constant. Light that is linear along the piece is taken, channel by channel, at
+    /// its `place`.
     fn piece(&mut self, cell: [usize; 3], place: impl Fn(usize) -> f64, weight: Weight<f64, C>);
 
     /// A node of a quadrature at t, at position `at` (in cells) inside `cell`.

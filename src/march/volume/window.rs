@@ -134,7 +134,8 @@ impl<const C: usize> VoxelWindow<C> for Trilinear<C> {
     }
 }
 
-/// What the eight voxels around a position in a cell count for, exactly zero for those outside; they sum to 1.
+/// The trilinear weights of the eight voxels around a position in a cell. They sum to 1, and are exactly zero for voxels outside the
+/// grid.
 #[inline(always)]
 pub(super) fn parts(cell: [usize; 3], at: [f64; 3], size: [usize; 3]) -> [f64; 8] {
     let fraction: [f64; 3] = std::array::from_fn(|axis| match cell[axis] {

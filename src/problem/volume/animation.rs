@@ -12,7 +12,7 @@ use crate::scene::{Interpolation, Rgb, Samples, Volume, VolumeMedium, VoxelGrid,
 use crate::solve::Limits;
 use crate::{Error, Result};
 
-/// Steps at most, and the part of its start that the Laplacian falls to: less than f32 tells from zero.
+/// The most steps, and the part of its start that the Laplacian falls to: less than f32 can tell from zero.
 const LIMITS: (usize, f64) = (5000, 1e-8);
 
 /// A property that is spread into empty space.
@@ -45,8 +45,8 @@ pub struct Determined {
 }
 
 impl Determined {
-    /// What the elements of a problem that rows reach are voxels of; nothing for extinction, which is zero where it is not, and
-    /// for the environment.
+    /// The voxels that a problem has determined, property by property, given the elements that rows reach. There are none for the
+    /// environment, and none for extinction, which is zero wherever it was not found.
     pub fn by(problem: &VolumeProblem, reached: &[u32]) -> Vec<Self> {
         let VolumeRows::Voxels(traversal) = &problem.traversal else { return Vec::new() };
         let places = problem.all_places();
@@ -120,6 +120,8 @@ impl Occupied {
     }
 
     /// The voxels of a grid that matter to a picture of any of the frames.
+    ///
+    /// Errors: [`Error::Shape`] and [`Error::NonFinite`], as [`Volume::new`].
     pub fn near(&self, grid: &VoxelGrid, interpolation: Interpolation) -> Result<VoxelSet> {
         let ones = self.is_occupied.iter().map(|&is_occupied| f32::from(u8::from(is_occupied))).collect();
         let volume = Volume::new(self.grid, 1, Samples::F32(ones))?;
@@ -130,7 +132,7 @@ impl Occupied {
 /// How much was spread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Spread {
-    /// Voxels that have their value from others, of all properties together.
+    /// Voxels that were filled from others, of all properties together.
     pub voxels: usize,
     /// Steps of conjugate gradients.
     pub iterations: usize,
@@ -175,7 +177,7 @@ impl VolumeState {
     }
 }
 
-/// A volume whose voxels near `near` that nobody has found are filled from those that somebody has.
+/// A volume in which the voxels of `near` that were not found are filled from those that were.
 fn spread_into(volume: &Volume, determined: &Determined, near: &VoxelSet) -> Result<(Volume, Spread)> {
     let grid = volume.grid();
     let mut colors: Vec<Rgb> = (0..grid.len()).map(|index| volume.color(index)).collect();

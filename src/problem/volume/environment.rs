@@ -268,6 +268,8 @@ pub(super) fn lit_voxels(
 }
 
 /// Bytes that lighting the voxels of a medium by each light takes; nothing is lit for it.
+///
+/// Errors: [`Error::Value`] for a number of voxels that no grid has.
 pub fn light_bytes(scene: &VolumeScene, optics: &Optics) -> Result<u64> {
     let grid = sky_grid(scene, &optics.density)?;
     let voxels = near_medium(&optics.density, &grid).len();

@@ -2,7 +2,7 @@
 
 use crate::scene::Rgb;
 
-/// What the logarithm makes of one pixel: optical depth and weight a channel.
+/// One pixel as a row of extinction: the optical depth and the weight of each channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LogRow {
     pub(super) depth: Rgb,

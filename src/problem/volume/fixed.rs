@@ -22,7 +22,7 @@ pub(super) struct Fixed<'a> {
     scene: &'a VolumeScene,
     optics: &'a Optics,
     find: Find,
-    /// The quantities that are known, with their values; and of those looked for, what lies outside the elements.
+    /// The quantities that are known, with their values; and the voxels outside the elements of the quantities that are looked for.
     known: Vec<(VoxelElements, Arc<Volume>, Option<Arc<VoxelSet>>)>,
     /// The brightest background, in whose unit noise is measured.
     scale: f64,
@@ -82,7 +82,7 @@ impl<'a> Fixed<'a> {
         fixed
     }
 
-    /// What a row becomes; `seen` are the lights that are looked for, if any are.
+    /// What a wanted pixel becomes. `seen` has the lights that the row sees, where lights are looked for.
     pub(super) fn row(
         &self,
         traversal: &VolumeTraversal,
@@ -119,7 +119,8 @@ impl<'a> Fixed<'a> {
     }
 }
 
-/// The pixels that something is wanted of (or all, where none is to be skipped), view by view, and how many others there are.
+/// The pixels of which something is wanted, view by view, and the number of the others. Where none is to be skipped, they are all
+/// pixels.
 ///
 /// Squares of 8 × 8 neighbours stand together: their rays meet the same voxels.
 pub(super) fn wanted_pixels(scene: &VolumeScene, desired: &[Desired]) -> (Vec<[u32; 2]>, usize) {

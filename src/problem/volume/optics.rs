@@ -99,7 +99,7 @@ impl Optics {
         }
     }
 
-    /// How far rays go before they meet a surface; empty where there are no surfaces.
+    /// Distances in metres to the surfaces that rays meet, infinite for rays that meet none; empty where there are no surfaces.
     pub fn lengths(&self, rays: &PixelRays) -> Vec<f64> {
         if self.geometry.is_open() {
             return Vec::new();
@@ -144,7 +144,7 @@ impl Optics {
         }
     }
 
-    /// The straight ray that a row ends on, and how long the row is and what it meets there, if anything.
+    /// The straight ray that a row ends on; and, where it meets a surface, the length of the row in metres and the hit.
     fn end(&self, rays: &PixelRays, row: usize) -> (Ray, Option<(f64, Hit)>) {
         let mut end = (rays.ray(row), None);
         rays.each_straight(row, self.refraction.as_deref(), |ray, a, b| {
@@ -250,7 +250,7 @@ fn suns(
     suns.iter().map(of_sun).collect()
 }
 
-/// Voxels of the light from everywhere beside so many of the medium.
+/// Voxels along an axis of the cached light from everywhere, for a medium of so many.
 fn sky_side(side: usize) -> usize {
     let [fewest, most] = SKY_SIDES;
     (side / 2).clamp(fewest.min(side), most)

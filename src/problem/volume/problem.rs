@@ -44,12 +44,12 @@ pub struct VolumeProblem {
     pub find: Find,
     /// The rows of T.
     pub traversal: VolumeRows,
-    /// b: of emission and albedo the radiance that rows should have from what is looked for alone, of extinction the optical
-    /// depth.
+    /// b of each row. For extinction it is the optical depth; for all else the radiance that the row should have from what is
+    /// looked for alone.
     pub targets: Vec<Rgb>,
     /// Weight of each row's squared residual a channel.
     pub weights: Vec<Rgb>,
-    /// What each element starts from.
+    /// x₀ of each element, in the unit of what is looked for.
     pub start: Vec<Rgb>,
     /// Pixels that are no rows.
     pub left_out: LeftOut,
@@ -130,7 +130,7 @@ impl VolumeProblem {
         Ok(Self::of_rows(find, traversal, grey, (targets, weights, wanted), left_out, searched))
     }
 
-    /// The problem of some rows, with their targets, weights, and what they should show, squared, weighted and summed up.
+    /// The problem of some rows, with their targets, their weights, and Σ w L² of what they should show.
     pub(super) fn of_rows(
         find: Find,
         traversal: VolumeRows,
@@ -166,7 +166,7 @@ impl VolumeProblem {
         }
     }
 
-    /// What the solver is told: the scene's settings, with the bounds of what is looked for.
+    /// The settings of the scene with the bounds of what is looked for, and with a metric that suits it.
     pub fn settings(scene: &VolumeScene, find: Find) -> SolveSettings {
         let bounds = match find {
             Find::Emission | Find::Joint => scene.bounds.emission,
@@ -215,7 +215,7 @@ impl VolumeProblem {
         Self { plan: WalkPlan::of(&traversal, self.grey), traversal, ..self.clone() }
     }
 
-    /// The rows with all voxels of all grids for elements, in the order (z, y, x), looked for or not.
+    /// The rows over all voxels of all grids, whether they are looked for or not, in the order (z, y, x).
     pub fn over_all_voxels(&self) -> AllVoxels<'_> {
         AllVoxels { problem: self, places: self.all_places() }
     }
@@ -379,7 +379,7 @@ impl Problem for VolumeProblem {
         row_of(&self.traversal, self.grey, row, visit);
     }
 
-    /// Of lights, rows that do not fit are not walked but given up for light volumes.
+    /// Rows of lights that do not fit are not walked: light volumes take their place.
     fn on_cpu(&self, strategy: Strategy, budget: u64) -> Result<OnHost> {
         match &self.traversal {
             VolumeRows::Lights(rows)

@@ -86,7 +86,7 @@ impl VolumeProblem {
     }
 }
 
-/// The channel of a colour that a row is of, three times; the colour where it is of all.
+/// The colour as a row sees it: three times the channel that the row is of, or the colour itself where the row is of all channels.
 fn of_row(channels: &[u8], row: usize, color: Rgb) -> Rgb {
     channels.get(row).map_or(color, |&channel| [color[usize::from(channel)]; 3])
 }

@@ -23,7 +23,7 @@ pub struct VolumeRenderer<'a> {
     medium: &'a VolumeMedium,
     optics: &'a Optics,
     model: Model,
-    /// Emission and albedo with the rows that carry them; none where there is nothing of it.
+    /// The elements of emission and albedo, with their values, as far as there is any.
     carried: Vec<(VoxelElements, Arc<Volume>)>,
 }
 
@@ -52,6 +52,8 @@ impl<'a> VolumeRenderer<'a> {
     }
 
     /// The whole picture of a view.
+    ///
+    /// Errors: [`crate::Error::NonFinite`] naming a pixel.
     pub fn picture(&self, view: usize) -> Result<Image> {
         let size = self.scene.views[view].view.camera.size();
         let pixels: Vec<[u32; 2]> =
@@ -60,6 +62,8 @@ impl<'a> VolumeRenderer<'a> {
     }
 
     /// The whole picture of a camera that is none of the scene's views.
+    ///
+    /// Errors: [`crate::Error::NonFinite`] naming a pixel.
     pub fn picture_from(&self, camera: &Camera) -> Result<Image> {
         let size = camera.size();
         // Views of the scene have pictures behind them; this one has not.
@@ -104,7 +108,7 @@ impl<'a> VolumeRenderer<'a> {
     }
 }
 
-/// Σ w x of one row over a part's voxels, for values x of the caller's; and what is left of light at the row's end.
+/// Σ w x of one row over the voxels of a part, for values x that the caller gives; and the transmittance at the end of the row.
 pub(super) fn carried(
     traversal: &VolumeTraversal,
     row: usize,

@@ -134,7 +134,7 @@ impl Searched {
     }
 }
 
-/// The voxels of a grid that a medium reaches into; exactly those with extinction where the grids are one.
+/// The voxels of a grid that a medium reaches into. Where that is the grid of the medium, they are exactly those with extinction.
 pub(super) fn near_medium_exactly(density: &Density, grid: &VoxelGrid) -> VoxelSet {
     if grid == density.grid() && density.cells().size() == grid.size() {
         return density.cells().clone();

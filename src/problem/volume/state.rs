@@ -11,8 +11,10 @@ pub struct VolumeState {
 }
 
 impl VolumeState {
-    /// A scene as it is before any solve. Where its environment is looked for, that is the combination of the lights it is
-    /// looked for with that comes nearest to it.
+    /// A scene as it is before any solve. Where its environment is looked for, it starts as the combination of the basis lights
+    /// that comes nearest to it.
+    ///
+    /// Errors: [`crate::Error::Value`] naming a light whose radiance is not finite.
     pub fn of(scene: &VolumeScene) -> Result<Self> {
         let environment = if scene.stages.contains(&Find::Environment) {
             let lights = scene.environment.coefficients(&scene.light_basis);
