@@ -7,7 +7,7 @@ use crate::{Error, Fault};
 /// Bytes of a line that a person can still read; longer ones are written by programs, and a column says more than they do.
 const READABLE: usize = 200;
 
-/// What settings are called in what the library says, and what the command says in its place.
+/// What the library calls settings, and what the command says in its place.
 const FLAGS: [(&str, &str); 9] = [
     ("raise solve.memory", "raise --memory"),
     ("compute on the processor", "use --backend cpu"),

@@ -23,13 +23,11 @@ pub(super) fn of_plan(plan: &Plan) -> String {
     let skipped: Vec<String> = skipped.collect();
     let around = match plan.surrounding_unknowns {
         0 => String::new(),
-        lights => {
-            format!(
-                ", and {lights} {} around them; {} for what those meet",
-                plan.surrounding_unit,
-                mebibytes(plan.prepared_bytes)
-            )
-        }
+        count => format!(", and {count} {} around them", plan.surrounding_unit),
+    };
+    let prepared = match plan.prepared_bytes {
+        0 => String::new(),
+        bytes => format!(", {} of it for what rays meet", mebibytes(bytes)),
     };
     format!(
         "{}, {}: {} views, {} pixels\n\
@@ -37,7 +35,7 @@ pub(super) fn of_plan(plan: &Plan) -> String {
          unknowns    {} of {} {} at most, of which those that a row reaches are solved for{around}\n\
          non-zeros   about {}\n\
          skipped     {}\n\
-         matrix      {} if kept, and {} for everything else; {} are allowed\n\
+         matrix      {} if kept, and {} for everything else{prepared}; {} are allowed\n\
          strategy    {} ({:.0} % of the rows are kept)\n\
          time        {:.2} s to set up, then about {iteration:.3} s an iteration: at most {:.1} s for {} iterations",
         plan.scene,

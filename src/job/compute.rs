@@ -1,4 +1,4 @@
-//! The part of a solve that what computes matters to: from the problem to its solution.
+//! From a problem to its solution, on whatever computes.
 
 use std::time::{Duration, Instant};
 
@@ -23,10 +23,10 @@ const SEED: u64 = 1;
 /// An adjoint that is off by more says that the device computes something else: ten thousand roundings of f32.
 const TRUSTED: f64 = 1e-3;
 
-/// What is asked of what computes when elements have been found.
+/// What is still asked of the operator once elements have been found.
 pub(super) type After<'a, T> = dyn Fn(&dyn FromHost, &[Rgb], &mut Steps<'_>) -> Result<T> + 'a;
 
-/// A problem on its way.
+/// A problem, and how it is to be solved.
 pub(super) struct ProblemSolve<'a> {
     pub(super) problem: &'a dyn Problem,
     pub(super) settings: &'a SolveSettings,
@@ -34,7 +34,7 @@ pub(super) struct ProblemSolve<'a> {
     pub(super) options: &'a Options,
     /// Where checkpoints go, if anywhere.
     pub(super) checkpoint: Option<&'a Keeper>,
-    /// Shows all elements as they are.
+    /// Shows all elements as they are so far.
     pub(super) preview: &'a dyn Fn(&[Rgb]) -> Result<()>,
 }
 
@@ -62,7 +62,7 @@ impl Computed {
 }
 
 impl ProblemSolve<'_> {
-    /// Solves on what computes; `after` may still ask that for what the solution shows.
+    /// Solves; `after` may still ask the operator what the solution shows.
     pub(super) fn run<T>(
         &self,
         engine: &mut Engine,
@@ -150,7 +150,7 @@ fn processor() -> String {
     format!("{}, {} threads", super::machine::processor(), rayon::current_num_threads())
 }
 
-/// What a graphics adapter was given to do, given how often it had been waited for after each iteration.
+/// What a graphics adapter was given to do; `trips` counts its round trips after each iteration.
 #[cfg(feature = "gpu")]
 fn work(gpu: &crate::gpu::Gpu, trips: &[u64], deterministic: bool) -> Work {
     Work {

@@ -32,8 +32,8 @@ struct LightRecord {
     radiance: Rgb,
 }
 
-/// Writes light from everywhere to files of a name, as pictures (EXR, HDR, PNG) and as a list of lights, and the sun that was found with it; gives back the
-/// PNG file. `exposure` is that of the scene's pictures.
+/// Writes light from everywhere to files called `name`: as pictures (EXR, HDR, PNG) and as a list of lights. The list has the sun, too,
+/// where that was found with them. `exposure` is that of the scene's pictures. Gives back the PNG file.
 pub(super) fn write_environment(
     folder: &Folder,
     name: &str,

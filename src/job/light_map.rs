@@ -117,7 +117,7 @@ impl FoundLightMap {
         light_map_picture(&self.problem, texels)
     }
 
-    /// Writes everything but the report; what of it the page shows.
+    /// Writes everything but the report; gives back the pictures of the page.
     pub(super) fn write(&self, scene: &Scene, folder: &Folder) -> Result<report::Pictures> {
         let Self { problem, computed, .. } = self;
         let [_, further] = problem.parted(&computed.solved.x);

@@ -24,7 +24,7 @@ use crate::{Error, Result};
 pub enum Preview {
     /// As the scene has them.
     Full,
-    /// So many pixels wide, those that are wider.
+    /// At most so many pixels wide.
     Width(usize),
 }
 
@@ -39,7 +39,7 @@ pub struct Standing {
     pub gradient: [f64; 3],
     /// ‖W(Tx − b)‖² and the pulls to x₀ a channel, relative to those at x₀.
     pub objective: [f64; 3],
-    /// Why it stands here.
+    /// Why it stopped there.
     pub stop: StopReason,
 }
 

@@ -87,7 +87,7 @@ impl MemoryBudget {
             + (kept.range + 6) * COLOR * rows
             + 2 * COLOR * unknowns.max(rows);
         let solving = vectors as u64 + problem.ray_bytes();
-        // The colours of all candidates of a kind while what was found is put among them.
+        // What was found is put among all candidates of its kind: their colours are there twice then.
         let replaced = 2 * COLOR * problem.candidates() / formulation.parts.len().max(1);
         Ok(self.scene
             + solving.max(replaced as u64)

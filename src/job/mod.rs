@@ -104,13 +104,13 @@ pub struct Options {
     pub pictures: bool,
     /// Pictures of a volume from all around.
     pub turntable: usize,
-    /// What volumes are written as.
+    /// The formats that volumes are written in.
     pub formats: Vec<Format>,
     /// Frames of an animation that are drawn; all by default.
     pub frames: Option<RangeInclusive<usize>>,
     /// Whether the volumes of every frame are written, and not of the keys alone.
     pub frame_volumes: bool,
-    /// Heard within an iteration, whoever asks.
+    /// A request to stop, which is heard within an iteration.
     pub stop: Stop,
 }
 
@@ -184,7 +184,7 @@ impl Job {
         Ok(Self { resolved: Some(Arc::new(resolved)), timings: vec![reading], ..Self::new(scenes) })
     }
 
-    /// From a scene that is there already; there is no [`Self::resolved`] document of it.
+    /// From a scene in memory, of which there is no [`Self::resolved`] document.
     pub fn new(scenes: impl Into<Scenes>) -> Self {
         Self { scenes: scenes.into(), resolved: None, options: Options::default(), timings: Timings::new() }
     }
@@ -199,7 +199,7 @@ impl Job {
         &self.scenes
     }
 
-    /// What it starts from, alone.
+    /// What it starts from, without the rest of the job.
     pub(crate) fn into_scenes(self) -> Scenes {
         self.scenes
     }
@@ -249,8 +249,8 @@ impl Job {
         LiveJob::new(self, preview)
     }
 
-    /// Draws the views as they are, under the light of the scene or under a light map from a file, and writes them to a folder; names the
-    /// files, as far as nobody stopped it.
+    /// Draws the views as they are, under the light of the scene or under a light map from a file, and writes them to a folder.
+    /// Gives back the names of the files; none where somebody stopped it.
     ///
     /// Errors: [`crate::Error::File`]; [`crate::Error::Format`] for a light map that cannot be read.
     pub fn draw(

@@ -15,7 +15,7 @@ use crate::scene::Strategy;
 
 /// Rows that are timed.
 const SAMPLE: usize = 16384;
-/// How often.
+/// How often they are timed.
 const TRIALS: usize = 3;
 
 /// What the solve of a light map, or of one stage of a volume, would take, without doing it.

@@ -142,7 +142,7 @@ impl Solution {
         &self.report.certificate
     }
 
-    /// How much of what was looked for any pixel tells of.
+    /// How many of the elements that were looked for any pixel reaches.
     pub fn coverage(&self) -> &Coverage {
         &self.report.coverage
     }
@@ -231,7 +231,7 @@ impl Found {
         }
     }
 
-    /// Writes everything but the report; what of it the page shows, and how many frames were drawn.
+    /// Writes everything but the report; gives back the pictures of the page, and how many frames were drawn.
     fn write(
         &self,
         options: &Options,

@@ -13,8 +13,9 @@ use crate::sparse::ExplicitMatrix;
 const ROWS: usize = 4096;
 /// Non-zeros that the explicit matrix may have.
 const NONZEROS: u64 = 50_000_000;
-/// Both directions in f32 agree with the explicit matrix, the adjoint is the adjoint.
+/// How far T x and Tᵀ y in f32 may be from those of the explicit matrix.
 pub(crate) const AGAINST_EXPLICIT: f64 = 1e-5;
+/// The adjoint error that T may have in f32, and that of the explicit matrix in f64.
 pub(crate) const ADJOINT: f64 = 1e-6;
 pub(crate) const ADJOINT_EXPLICIT: f64 = 1e-13;
 /// Central differences of a quadratic are exact but for rounding.
@@ -29,9 +30,9 @@ pub struct Verdict {
     pub backend: String,
     /// How far the two are apart, relative to the larger.
     pub error: f64,
-    /// How far they may be.
+    /// How far they may be apart.
     pub bound: f64,
-    /// Whether they are not farther.
+    /// Whether they are no farther apart.
     pub holds: bool,
 }
 

@@ -59,8 +59,8 @@ pub struct Report {
     pub timings: BTreeMap<String, f64>,
     /// Bytes of each part; `peak` is the most at any time, `budget` what was allowed.
     pub memory: BTreeMap<String, u64>,
-    /// What was not computed because nothing depends on it. The names that the page has a sentence for are in
-    /// `words.rs`; any other is shown as it is.
+    /// What was not computed because nothing depends on it. `words.rs` has a sentence for each name; a name without one is shown as
+    /// it is.
     pub skipped: BTreeMap<String, Share>,
     /// `|⟨Tx,y⟩ − ⟨x,Tᵀy⟩| / (‖Tx‖‖y‖)` for random x and y.
     pub adjoint_error: f64,
@@ -157,7 +157,7 @@ pub struct SurroundingsRecord {
     /// Radiance of the sun outside its light map, where that was looked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sun: Option<SunRecord>,
-    /// Lights of the environment that reach what is painted, of all.
+    /// How many lights of the environment reach what is painted, of all that were looked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lights: Option<Share>,
 }
@@ -191,16 +191,16 @@ impl SurroundingsRecord {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Work {
-    /// How often the processor has waited for it.
+    /// How often the processor has waited for the adapter.
     pub round_trips: u64,
     /// Round trips an iteration of the solve; none for a solve of one iteration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub round_trips_an_iteration: Option<f64>,
-    /// Kernels that it ran.
+    /// Kernels that the adapter ran.
     pub dispatches: u64,
-    /// Bytes of its memory that were in use at the end.
+    /// Bytes of the adapter's memory that were in use at the end.
     pub bytes: u64,
-    /// Whether it gives the same bits in every run.
+    /// Whether every run gives the same bits.
     pub deterministic: bool,
 }
 
@@ -208,7 +208,7 @@ pub struct Work {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RowStrategy {
-    /// `assembled`, `matrix-free` or `mixed`.
+    /// `assembled`, `matrix-free`, `mixed` or `light volumes`.
     pub name: String,
     /// Rows whose non-zeros were kept in memory.
     pub kept_rows: u64,
@@ -253,13 +253,13 @@ pub struct StopRecord {
 pub struct Certificate {
     /// `projected-gradient` where bounds were kept: the KKT residual; else `normal-residual`.
     pub kind: String,
-    /// Its norm relative to the start, a channel: zero at a solution and nowhere else.
+    /// The norm of that gradient relative to the start, a channel: zero at a solution and nowhere else.
     pub value: [f64; 3],
     /// `‖b − A x‖` relative to the start, a channel.
     pub residual: [f64; 3],
     /// Reached elements with a channel at a bound.
     pub at_bounds: u64,
-    /// How often the method began again, because what it believed had parted from the truth.
+    /// How often the method began again, because the residual that it carries along had parted from the true one.
     pub restarts: u64,
 }
 

@@ -242,7 +242,7 @@ pub(super) fn settings(report: &Report) -> String {
     let lattice = if size.is_empty() { size } else { format!(" ({size})") };
     let active = count(problem.active_unknowns);
     let mut pairs = vec![
-        ("Colours mean".to_string(), report.target.clone()),
+        ("Colours are taken as".to_string(), report.target.clone()),
         ("Solver".into(), report.solver.clone()),
         (
             label(&problem.elements),

@@ -61,7 +61,7 @@ impl FoundAnimation {
         self.keys.first()
     }
 
-    /// Writes the keys, and draws and writes the frames between them; what of it the page shows, and how many frames there are.
+    /// Writes the keys, and draws and writes the frames between them. Gives back the pictures of the page, and how many frames were drawn.
     pub(in crate::job) fn write(
         &self,
         options: &Options,
@@ -225,7 +225,7 @@ struct Film<'a> {
 }
 
 impl Film<'_> {
-    /// Draws and writes frames, and puts some of them into the strip; after Ctrl-C only keys. Says how many there are.
+    /// Draws and writes frames, after Ctrl-C only keys, and puts some of them into the strip. Gives back how many were drawn.
     fn draw(
         &self,
         frames: &[usize],
@@ -250,7 +250,7 @@ impl Film<'_> {
         Ok(drawn)
     }
 
-    /// A frame between keys, and its pictures; none where it is not to be had any more.
+    /// The state at a frame, and its pictures; none of a frame between keys after somebody stopped the job.
     fn frame(&self, frame: usize, steps: &mut Steps<'_>) -> Result<Option<(VolumeState, Vec<Image>)>> {
         if let Some(key) = self.keys.iter().find(|key| key.frame == frame) {
             return Ok(Some((key.state().clone(), key.attained.after.clone())));

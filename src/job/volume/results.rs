@@ -73,7 +73,7 @@ pub(super) fn write_turntable(
         .collect()
 }
 
-/// A picture as PNG, with the means of blocks of pixels for pixels where it is large.
+/// A picture as PNG. A large one is shrunk: each pixel is the mean of a block.
 pub(super) fn small_png(picture: &Image, exposure: f64) -> Result<Vec<u8>> {
     let [width, height] = picture.size();
     let side = width.max(height).div_ceil(LONGEST).max(1);

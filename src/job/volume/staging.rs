@@ -217,7 +217,7 @@ impl<'a, 's> Course<'a, 's> {
         PropertySearch { scene, state, optics, desired, find }.solve(engine, *place, steps)
     }
 
-    /// What a state shows that differs from the one there is by what was looked for.
+    /// Draws what a state shows; it differs from the attained one in what was looked for.
     fn view(&mut self, find: Find, state: &VolumeState) -> Result<ViewedState> {
         // Emission and albedo change nothing about how light comes through.
         let optics = match find {

@@ -21,7 +21,7 @@ const CONFIRMED: f64 = 1.5;
 /// How long is measured, and how far is solved.
 #[derive(Debug, Clone)]
 pub(super) struct Patience {
-    /// Ends what is measured, when it is asked for.
+    /// A request to stop, which is heard within a measurement.
     pub(super) stop: Stop,
     /// Repetitions of a product at least and at most.
     pub(super) repetitions: [usize; 2],
@@ -29,7 +29,7 @@ pub(super) struct Patience {
     pub(super) repeating: Duration,
     /// A solve that takes longer is left where it is.
     pub(super) solving: Duration,
-    /// And one of more iterations.
+    /// Iterations after which a solve is left where it is.
     pub(super) iterations: usize,
 }
 
@@ -123,7 +123,7 @@ impl CaseMeter {
     }
 }
 
-/// A case on its way.
+/// A case, and what it is measured with.
 struct CaseRun<'a> {
     bench: &'a CaseMeter,
     scene: &'a str,

@@ -66,7 +66,7 @@ struct SceneResults {
 pub struct Benchmark {
     /// Scene files; two small scenes that the library knows by heart when there is none.
     pub scenes: Vec<PathBuf>,
-    /// How many of the cases.
+    /// Which of the cases are run.
     pub level: Level,
     /// Rows that are sampled of each scene at most.
     pub rows: Option<usize>,
@@ -78,16 +78,17 @@ pub struct Benchmark {
     pub counts: Option<PathBuf>,
     /// What computes, beside the processor.
     pub engine: EngineChoice,
-    /// What to say that it was asked for by.
+    /// The command line that asked for it, which the results quote.
     pub command: String,
     /// Where results go.
     pub folder: PathBuf,
-    /// Ends it between measurements.
+    /// A request to stop, which is heard between measurements.
     pub stop: Stop,
 }
 
 impl Benchmark {
-    /// Every case of every scene, and what follows from them, written to the folder; and how many cases were taken from an earlier run.
+    /// Measures every case of every scene, and writes what follows from them to the folder. Gives that back, and how many cases were
+    /// taken from an earlier run.
     ///
     /// Errors: those of scenes and of the engine; [`crate::Error::File`].
     pub fn run(&self, observer: &mut impl Observer) -> Result<(report::Bench, usize)> {

@@ -30,7 +30,7 @@ pub(super) struct Sample {
     /// The rows kept in f64, and their coverage.
     wide: OnHost<f64>,
     coverage: CpuVector,
-    /// Ends their search, when it is asked for.
+    /// A request to stop, which ends the search for solutions.
     stop: Stop,
     /// The solutions without and within bounds.
     references: [OnceCell<Reference>; 2],

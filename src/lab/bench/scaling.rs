@@ -81,14 +81,14 @@ impl ScalingSweeps<'_> {
         }
     }
 
-    /// The problem is made of all rows whatever is measured of it, so its seconds say nothing of theirs.
+    /// The problem is made of all rows, however many are measured; so there are no seconds of making it.
     fn over_rows(&self) -> Result<Vec<SweepPoint>> {
         let problem = subject::problem(&self.source.load(&[])?)?.problem.sampled(self.most());
         self.each(self.shares(problem.rows()), |rows| self.point(rows as f64, None, problem.sampled(rows)))
     }
 
-    /// As many rows of each view. Of the problem, seconds are those of a scene with these views alone, each as it is painted;
-    /// the rest is measured with rows of the whole scene's, through the same maps or medium.
+    /// As many rows of each view. Making the problem is timed with a scene of these views alone, each as it is painted. All else is
+    /// measured with rows of the whole scene, through the same maps or medium.
     fn over_views(&self) -> Result<Vec<SweepPoint>> {
         let whole = subject::problem(&self.source.load(&[])?)?.problem;
         let mut rows = BTreeMap::<usize, Vec<usize>>::new();
@@ -160,12 +160,12 @@ impl ScalingSweeps<'_> {
         if self.quick { FEW_ROWS } else { ROWS }
     }
 
-    /// Of what grows, what is left at each step.
+    /// What the full size is divided by, point by point.
     fn parts(&self) -> &'static [usize] {
         if self.quick { &[4, 1] } else { &[8, 4, 2, 1] }
     }
 
-    /// So many of all, and all.
+    /// The sizes of a sweep over so many, the full one last.
     fn shares(&self, all: usize) -> Vec<usize> {
         let mut shares: Vec<usize> = self.parts().iter().map(|part| (all / part).max(1)).collect();
         shares.dedup();

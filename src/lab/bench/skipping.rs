@@ -13,9 +13,9 @@ use crate::problem::{Problem, Solved, Unskipped};
 use crate::report::bench::{Pair, Skipped};
 use crate::scene::{Quadrature, Skipping, SolveSettings, SolverName, Strategy};
 
-/// Sums that only differ in their order, or in terms that are zero, part by no more.
+/// How far sums may be apart that differ only in their order, or in terms that are zero.
 const ROUNDING: f64 = 1e-12;
-/// Solutions are handed over in f32.
+/// How far solutions may be apart because they are handed over in f32.
 const IN_F32: f64 = 1e-5;
 /// Part of its start that the projected gradient of compared solutions falls to, where iterations allow.
 const TOLERANCE: f64 = 1e-3;
@@ -37,7 +37,7 @@ struct Thing {
 }
 
 impl Comparison<'_> {
-    /// All that the scene has something of.
+    /// Compares with and without everything that the scene has something of to skip.
     pub(super) fn run(&self) -> Result<Vec<Skipped>> {
         let mut all = vec![self.kept_rows()?];
         let others = [

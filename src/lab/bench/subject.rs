@@ -103,8 +103,7 @@ pub(super) fn can_march(scenes: &Scenes) -> bool {
     }
 }
 
-/// Its problem, of several stages the first. It is solved with weights that are numbers, and no end but the tolerance's and the
-/// iterations'.
+/// The problem of a scene, or of its first stage. Its λ are numbers, and its solves end by tolerance or iterations alone.
 pub(super) fn problem(scenes: &Scenes) -> Result<AskedProblem> {
     let (mut quiet, stop) = (Quiet, Stop::default());
     let mut steps = Steps::new(&mut quiet, &stop, Vec::new());

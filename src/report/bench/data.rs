@@ -23,7 +23,7 @@ pub struct Record {
     pub measured: Measured,
     /// The method, of a solve.
     pub solver: Option<String>,
-    /// What it had to reach: the part of its start that the normal residual falls to.
+    /// The part of its start that the normal residual of a solve had to fall to.
     pub tolerance: Option<f64>,
     /// `cpu` or `gpu`.
     pub backend: String,
@@ -50,7 +50,7 @@ pub struct Record {
     pub adjoint_error: Option<f64>,
     /// (F(x) − F(x*)) / (F(x₀) − F(x*)), F the objective in f64, of a solve.
     pub excess: Option<f64>,
-    /// What that may be at most where the solve converged, by what its tolerance and λ prove; none without λ.
+    /// What the excess may be at most where the solve converged, as its tolerance and λ prove; none without λ.
     pub excess_bound: Option<f64>,
     /// Why the solve ended.
     pub stop: Option<String>,
@@ -99,10 +99,10 @@ pub struct Law {
     pub error: f64,
     /// What it may be at most.
     pub bound: f64,
-    /// What a count was before, where it is held against that.
+    /// What a count was in an earlier run, where it is held against that.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub before: Option<u64>,
-    /// Whether it is.
+    /// Whether the error is within the bound.
     pub holds: bool,
 }
 
@@ -216,7 +216,7 @@ pub struct Sweep {
     pub scene: String,
     /// What grows.
     pub over: String,
-    /// What does not, in words.
+    /// What does not grow, in words.
     pub held: String,
     /// From small to large.
     pub points: Vec<SweepPoint>,
@@ -241,8 +241,8 @@ impl Sweep {
     }
 }
 
-/// The slope of the line through (log x, log y) with the least squares; none for fewer than two different x, or anything
-/// that is not positive.
+/// The slope of the line through (log x, log y) with the least squares. None for fewer than two different x, or where a number is not
+/// positive.
 pub fn exponent(points: &[[f64; 2]]) -> Option<f64> {
     if points.iter().flatten().any(|&value| !(value > 0.0 && value.is_finite())) {
         return None;
@@ -271,17 +271,18 @@ pub struct Skipped {
     pub scene: String,
     /// What is skipped.
     pub what: String,
-    /// What turns it off.
+    /// The setting that turns skipping off.
     pub switch: String,
-    /// What is counted.
+    /// What the work is counted in.
     pub unit: String,
-    /// How much of it there is to do.
+    /// How much work there is to do.
     pub work: Pair,
     /// Seconds of T x and Tᵀ y together, or of a solve.
     pub seconds: Pair,
-    /// Of what that gives, relative; of solutions in what they show, relative to √(F(x₀) − F(x*)).
+    /// How far Tᵀ W T 1 or T 1 differs, relative to itself; of two solutions, how far what they show differs, relative to
+    /// √(F(x₀) − F(x*)).
     pub difference: f64,
-    /// What that may be at most.
+    /// What the difference may be at most.
     pub bound: f64,
 }
 

@@ -24,9 +24,10 @@ pub fn page(bench: &Bench) -> Result<String> {
     text.push_str(&laws(bench));
     text.push_str(&records(&bench.records));
     text.push_str(&format!(
-        "<footer>unscatter {}. The same numbers for programs are in bench.json and bench.csv.</footer>\n</main>\n\
+        "<footer>unscatter {}, run as: {}. The same numbers for programs are in bench.json and bench.csv.</footer>\n</main>\n\
          </body>\n</html>\n",
-        escaped(&bench.version)
+        escaped(&bench.version),
+        escaped(&bench.command)
     ));
     Ok(text)
 }
