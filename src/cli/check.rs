@@ -3,7 +3,7 @@ use super::bar::Bar;
 use super::{Done, Manners};
 use crate::Result;
 use crate::io::to_json;
-use crate::lab::check::{Checked, Verdict, check};
+use crate::lab::check::{Checked, CheckedLaw, check};
 
 /// `unscatter check`: the adjoint test, every way of applying T against the explicit matrix, finite differences.
 pub(super) fn run(arguments: &CheckArguments, manners: &Manners) -> Result<Done> {
@@ -11,14 +11,14 @@ pub(super) fn run(arguments: &CheckArguments, manners: &Manners) -> Result<Done>
     let job = arguments.scene.open(&[])?;
     let all = check(&job, &arguments.backend.choice(), &mut bar)?;
     bar.finish();
-    let verdicts: Vec<&Verdict> = all.iter().flat_map(|checked| &checked.verdicts).collect();
+    let verdicts: Vec<&CheckedLaw> = all.iter().flat_map(|checked| &checked.verdicts).collect();
     let lines: Vec<String> = all.iter().flat_map(lines).collect();
     manners.print(&to_json(&verdicts)?, &lines.join("\n"));
     Ok(if verdicts.iter().all(|verdict| verdict.holds) { Done::Completely } else { Done::Broken })
 }
 
 fn lines(Checked { name, rows, nonzeros, verdicts }: &Checked) -> Vec<String> {
-    let line = |Verdict { law, backend, error, bound, holds }: &Verdict| {
+    let line = |CheckedLaw { law, backend, error, bound, holds }: &CheckedLaw| {
         let mark = if *holds { "holds" } else { "BROKEN" };
         format!("  {mark:6}  {law:34} {backend:22} {error:8.1e}  (at most {bound:.0e})")
     };

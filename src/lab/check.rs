@@ -23,7 +23,7 @@ const FINITE_DIFFERENCE: f64 = 1e-8;
 
 /// A law, and whether it holds.
 #[derive(Debug, Clone, Serialize)]
-pub struct Verdict {
+pub struct CheckedLaw {
     /// What is compared.
     pub law: &'static str,
     /// What computes, and how.
@@ -46,7 +46,7 @@ pub struct Checked {
     /// Non-zeros of those.
     pub nonzeros: usize,
     /// Law by law.
-    pub verdicts: Vec<Verdict>,
+    pub verdicts: Vec<CheckedLaw>,
 }
 
 /// Checks every problem of a job on a sample of its rows.
@@ -97,8 +97,8 @@ fn checked(name: &str, problem: &dyn Problem, engine: &Engine) -> Result<Checked
     Ok(Checked { name: name.to_owned(), rows: problem.rows(), nonzeros: explicit.channel(0).nnz(), verdicts })
 }
 
-fn verdict(law: &'static str, backend: &str, error: f64, bound: f64) -> Verdict {
-    Verdict { law, backend: backend.to_owned(), error, bound, holds: error <= bound }
+fn verdict(law: &'static str, backend: &str, error: f64, bound: f64) -> CheckedLaw {
+    CheckedLaw { law, backend: backend.to_owned(), error, bound, holds: error <= bound }
 }
 
 /// The laws of one way of applying T.
@@ -106,7 +106,7 @@ fn verdicts_of(
     name: &str,
     operator: &impl TransportOperator,
     explicit: &ExplicitMatrix,
-) -> Result<[Verdict; 3]> {
+) -> Result<[CheckedLaw; 3]> {
     let [forward, backward] = differences(operator, explicit)?;
     Ok([
         verdict("adjoint", name, adjoint_test(operator, 3, 1)?.error, ADJOINT),

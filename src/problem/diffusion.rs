@@ -125,14 +125,14 @@ impl Rim {
 /// For every empty place the mean of the known places near it: those in the smallest block around it that has any. The diffusion begins
 /// there, so that it need not travel far; where it does not arrive, that is kept.
 fn nearest_mean(size: &[usize], known: &Known, empty: &[u32]) -> Vec<Rgb> {
-    let mut levels: Vec<Level> = Vec::new();
-    let mut first = Level::above(size);
+    let mut levels: Vec<BlockSums> = Vec::new();
+    let mut first = BlockSums::above(size);
     for (&place, &[r, g, b]) in known.places.iter().zip(known.colors) {
         first.add(size, place as usize, [r, g, b, 1.0]);
     }
     levels.push(first);
     while let Some(level) = levels.last().filter(|level| level.sums.len() > 1) {
-        let mut above = Level::above(&level.size);
+        let mut above = BlockSums::above(&level.size);
         level.sums.iter().enumerate().for_each(|(place, &sum)| above.add(&level.size, place, sum));
         levels.push(above);
     }
@@ -152,12 +152,12 @@ fn nearest_mean(size: &[usize], known: &Known, empty: &[u32]) -> Vec<Rgb> {
 }
 
 /// The sum and the number of the known colours in each block of a lattice.
-struct Level {
+struct BlockSums {
     size: Vec<usize>,
     sums: Vec<[f32; 4]>,
 }
 
-impl Level {
+impl BlockSums {
     /// Blocks of two places along each axis.
     fn above(size: &[usize]) -> Self {
         let size: Vec<usize> = size.iter().map(|side| side.div_ceil(2)).collect();

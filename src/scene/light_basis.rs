@@ -10,7 +10,7 @@ use crate::{Error, Result};
 /// (Klehm 2015, sec. 7.3.4).
 #[derive(Debug, Clone, PartialEq)]
 pub struct LightBasis {
-    shape: Shape,
+    shape: LightShape,
     lights: Vec<BasisLight>,
 }
 
@@ -33,7 +33,7 @@ pub enum Over {
 }
 
 #[derive(Debug, Clone, PartialEq)]
-enum Shape {
+enum LightShape {
     /// 1 up to the first value of 1 − cos θ from the middle, 0 beyond the second, a cubic between.
     Discs { fall: [f64; 2], samples: usize },
     /// Pixels of a latitude-longitude picture, and the light of each (none: `u32::MAX`).
@@ -72,7 +72,7 @@ impl LightBasis {
         let soft = (softness * rim).min(2.0 - rim);
         let light = |towards| BasisLight { towards, solid_angle };
         Ok(Self {
-            shape: Shape::Discs { fall: [rim - soft, rim + soft], samples },
+            shape: LightShape::Discs { fall: [rim - soft, rim + soft], samples },
             lights: middles.into_iter().map(light).collect(),
         })
     }
@@ -100,7 +100,7 @@ impl LightBasis {
         if lights.is_empty() {
             return Err(Error::value("map", format!("{width} x {height}"), "of pixels in the hemisphere"));
         }
-        Ok(Self { shape: Shape::Map { size: [width, height], numbers }, lights })
+        Ok(Self { shape: LightShape::Map { size: [width, height], numbers }, lights })
     }
 
     /// The basis functions.
@@ -120,30 +120,30 @@ impl LightBasis {
 
     /// Whether they are pixels of a map, which have neighbours; discs have none.
     pub fn is_map(&self) -> bool {
-        matches!(self.shape, Shape::Map { .. })
+        matches!(self.shape, LightShape::Map { .. })
     }
 
     /// The most directions that the light of one of them is taken from.
     pub fn samples(&self) -> usize {
         match self.shape {
-            Shape::Discs { samples, .. } => samples,
-            Shape::Map { .. } => 1,
+            LightShape::Discs { samples, .. } => samples,
+            LightShape::Map { .. } => 1,
         }
     }
 
     /// Columns and rows of the lattice that the lights lie in: the pixels of a map, or rows of eight discs.
     pub fn lattice(&self) -> [usize; 2] {
         match self.shape {
-            Shape::Discs { .. } => [8, self.lights.len().div_ceil(8)],
-            Shape::Map { size, .. } => size,
+            LightShape::Discs { .. } => [8, self.lights.len().div_ceil(8)],
+            LightShape::Map { size, .. } => size,
         }
     }
 
     /// Where each light lies in the lattice.
     pub fn places(&self) -> Vec<u32> {
         match &self.shape {
-            Shape::Discs { .. } => (0..self.lights.len() as u32).collect(),
-            Shape::Map { numbers, .. } => {
+            LightShape::Discs { .. } => (0..self.lights.len() as u32).collect(),
+            LightShape::Map { numbers, .. } => {
                 (0..numbers.len() as u32).filter(|&pixel| numbers[pixel as usize] != u32::MAX).collect()
             }
         }
@@ -152,7 +152,7 @@ impl LightBasis {
     /// Visits the lights that are seen in a direction, and B of each there.
     pub fn each_seen(&self, towards: DVec3, mut visit: impl FnMut(usize, f64)) {
         match &self.shape {
-            Shape::Discs { fall, .. } => {
+            LightShape::Discs { fall, .. } => {
                 for (number, light) in self.lights.iter().enumerate() {
                     let value = falloff(*fall, 1.0 - light.towards.dot(towards));
                     if value > 0.0 {
@@ -160,7 +160,7 @@ impl LightBasis {
                     }
                 }
             }
-            Shape::Map { size: [width, height], numbers } => {
+            LightShape::Map { size: [width, height], numbers } => {
                 let [u, v] = longitude_latitude(towards);
                 let pixel = |part: f64, side: usize| ((part * side as f64) as usize).min(side - 1);
                 let number = numbers[pixel(v, *height) * width + pixel(u, *width)];
@@ -175,7 +175,7 @@ impl LightBasis {
     pub fn directions(&self, number: usize) -> Vec<(DVec3, f64)> {
         let BasisLight { towards, solid_angle } = self.lights[number];
         let (fall, samples) = match self.shape {
-            Shape::Discs { fall, samples } if samples > 1 => (fall, samples),
+            LightShape::Discs { fall, samples } if samples > 1 => (fall, samples),
             _ => return vec![(towards, solid_angle)],
         };
         // Points of a disc as seeds of a sunflower, even in area.

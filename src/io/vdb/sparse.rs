@@ -39,21 +39,21 @@ impl<'v, const C: usize> Sparse<'v, C> {
     pub(super) fn write<E>(
         &self,
         encoder: &mut Encoder,
-        mut put: impl FnMut(Piece) -> Result<(), E>,
+        mut put: impl FnMut(Pending) -> Result<(), E>,
     ) -> Result<(), E> {
-        put(Piece::Bytes(self.head()))?;
-        let Slot::Child(upper) = &self.root else { return put(Piece::Blocks) };
-        put(Piece::Bytes(upper.head(encoder)))?;
+        put(Pending::Bytes(self.head()))?;
+        let Slot::Child(upper) = &self.root else { return put(Pending::Blocks) };
+        put(Pending::Bytes(upper.head(encoder)))?;
         for lower in upper.children() {
-            put(Piece::Bytes(lower.head(encoder)))?;
+            put(Pending::Bytes(lower.head(encoder)))?;
             for &Leaf(origin) in lower.children() {
-                put(Piece::Bytes(self.active_of(origin).0.bytes().collect()))?;
+                put(Pending::Bytes(self.active_of(origin).0.bytes().collect()))?;
             }
         }
-        put(Piece::Blocks)?;
+        put(Pending::Blocks)?;
         for &Leaf(origin) in upper.children().flat_map(Branch::children) {
             let (mask, values) = self.active_of(origin);
-            put(Piece::Bytes(mask.bytes().chain(encoder.node(&values)).collect()))?;
+            put(Pending::Bytes(mask.bytes().chain(encoder.node(&values)).collect()))?;
         }
         Ok(())
     }
@@ -95,7 +95,7 @@ impl<'v, const C: usize> Sparse<'v, C> {
 }
 
 /// What is written next.
-pub(super) enum Piece {
+pub(super) enum Pending {
     Bytes(Vec<u8>),
     /// The mark at which the voxels of the leaves begin; it is no bytes.
     Blocks,

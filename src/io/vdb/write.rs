@@ -6,7 +6,7 @@ use glam::{DAffine3, DVec3};
 use super::byte_writer::ByteWriter;
 use super::header::{HALF, MAGIC, SAVED_AS_HALF, WRITTEN, entry, text};
 use super::packing::Compression;
-use super::sparse::{Piece, Sparse, active_voxels};
+use super::sparse::{Pending, Sparse, active_voxels};
 use super::transform;
 use super::values::Encoder;
 use crate::io::whole::write_whole_seekable;
@@ -102,8 +102,8 @@ fn write_grid<W: Write + Seek, const C: usize>(
     let mut blocks = start;
     let mut encoder = Encoder::new(options.compression, options.half);
     Sparse::<C>::new(volume).write(&mut encoder, |piece| match piece {
-        Piece::Bytes(bytes) => sink.put(&bytes),
-        Piece::Blocks => sink.at().map(|at| blocks = at),
+        Pending::Bytes(bytes) => sink.put(&bytes),
+        Pending::Blocks => sink.at().map(|at| blocks = at),
     })?;
     let end = sink.at()?;
     sink.replace(places, [start, blocks, end].map(u64::to_le_bytes).as_flattened())

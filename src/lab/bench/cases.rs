@@ -33,7 +33,7 @@ pub(super) enum Precision {
 
 /// One way to compute something.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Case {
+pub(super) struct Contender {
     pub(super) task: Task,
     pub(super) place: CaseBackend,
     pub(super) quadrature: Quadrature,
@@ -61,7 +61,7 @@ const TOLERANCE: f64 = 1e-3;
 /// What solvers are also raced to.
 const TOLERANCES: [f64; 2] = [1e-2, 1e-4];
 
-impl Case {
+impl Contender {
     /// Its name, the same in every run; a case of a scene is `SCENE/` and this.
     pub(super) fn name(&self) -> String {
         let task = match self.task {
@@ -121,7 +121,7 @@ impl CaseBasis {
 }
 
 /// The cases of a level, products first; `marches` where rows can be marched at all.
-pub(super) fn cases(level: Level, places: &[CaseBackend], marches: bool) -> Vec<Case> {
+pub(super) fn cases(level: Level, places: &[CaseBackend], marches: bool) -> Vec<Contender> {
     let steps: &[u32] = match (marches, level) {
         (false, _) => &[],
         (_, Level::Quick) => &FEW_STEPS,
@@ -137,7 +137,7 @@ pub(super) fn cases(level: Level, places: &[CaseBackend], marches: bool) -> Vec<
                 for precision in [Precision::F32, Precision::F64] {
                     for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
                         for &quadrature in &quadratures {
-                            cases.push(Case { task, place, quadrature, basis, precision, strategy });
+                            cases.push(Contender { task, place, quadrature, basis, precision, strategy });
                         }
                     }
                 }
@@ -155,9 +155,9 @@ pub(super) fn cases(level: Level, places: &[CaseBackend], marches: bool) -> Vec<
 }
 
 /// Every solver to tighter and looser tolerances.
-fn races() -> impl Iterator<Item = Case> {
+fn races() -> impl Iterator<Item = Contender> {
     TOLERANCES.into_iter().flat_map(|tolerance| {
-        SolverName::ALL.into_iter().map(move |solver| Case {
+        SolverName::ALL.into_iter().map(move |solver| Contender {
             task: Task::Solve(solver, tolerance),
             place: CaseBackend::Cpu,
             quadrature: Quadrature::Exact,
@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn names_are_those_of_one_case_each_and_levels_contain_each_other() {
         let names = |level| -> Vec<String> {
-            cases(level, &[CaseBackend::Cpu], true).iter().map(Case::name).collect()
+            cases(level, &[CaseBackend::Cpu], true).iter().map(Contender::name).collect()
         };
         let [quick, usual, all] = [Level::Quick, Level::Usual, Level::All].map(names);
         for names in [&quick, &usual, &all] {

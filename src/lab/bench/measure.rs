@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 #[cfg(feature = "gpu")]
 use super::cases::CaseBackend;
-use super::cases::{Case, Precision, Task};
+use super::cases::{Contender, Precision, Task};
 use super::reference::Sample;
 #[cfg(feature = "gpu")]
 use crate::gpu::Gpu;
@@ -94,7 +94,7 @@ impl CaseMeter {
     /// Measures a case; none where it is not possible, which is not wrong.
     ///
     /// Errors: [`Error::NonFinite`] naming the case, and those of the operator and the method.
-    pub(super) fn measure(&self, scene: &str, case: &Case, sample: &Sample) -> Result<Option<Record>> {
+    pub(super) fn measure(&self, scene: &str, case: &Contender, sample: &Sample) -> Result<Option<Record>> {
         let Some(mut problem) = sample.problem.integrated(case.quadrature, None) else { return Ok(None) };
         match self.run(scene, case, sample, &mut *problem) {
             // Adapters have no kernel for some of the cases.
@@ -107,7 +107,13 @@ impl CaseMeter {
         }
     }
 
-    fn run(&self, scene: &str, case: &Case, sample: &Sample, problem: &mut dyn Problem) -> Result<Record> {
+    fn run(
+        &self,
+        scene: &str,
+        case: &Contender,
+        sample: &Sample,
+        problem: &mut dyn Problem,
+    ) -> Result<Record> {
         let clock = Instant::now();
         problem.replan();
         let planning = clock.elapsed().as_secs_f64();
@@ -127,7 +133,7 @@ impl CaseMeter {
 struct CaseRun<'a> {
     bench: &'a CaseMeter,
     scene: &'a str,
-    case: &'a Case,
+    case: &'a Contender,
     sample: &'a Sample,
     problem: &'a dyn Problem,
     /// Seconds that foreseeing the rows took.

@@ -18,7 +18,7 @@ use crate::Result;
 use crate::job::{Backend, Engine, EngineChoice, Folder, Observer, Step, Stop, processor};
 use crate::report::bench::{self as report, Held, Record, Skipped, Sweep};
 pub use cases::Level;
-use cases::{Case, CaseBackend, CaseBasis, cases};
+use cases::{CaseBackend, CaseBasis, Contender, cases};
 use counts::Counts;
 #[cfg(feature = "cli")]
 pub(crate) use counts::LEFT_OUT;
@@ -246,7 +246,7 @@ fn fingerprint(sources: &[SceneSource], session: &Session<'_>) -> Result<u64> {
         source.bytes()?.hash(&mut hasher);
     }
     let names: Vec<String> =
-        cases(session.asked.level, &session.places, true).iter().map(Case::name).collect();
+        cases(session.asked.level, &session.places, true).iter().map(Contender::name).collect();
     let is_quick = session.asked.level == Level::Quick;
     (env!("CARGO_PKG_VERSION"), names, session.rows, is_quick).hash(&mut hasher);
     (rayon::current_num_threads(), processor()).hash(&mut hasher);

@@ -1,6 +1,6 @@
 //! A graphics adapter under the same laws.
 
-use super::case::{Case, Samples, Setting};
+use super::case::{Case, Measurements, Setting};
 use super::hall::{Hall, problem};
 use super::rows::{FAULT, worse};
 use super::solved::AGAINST_EXPLICIT;
@@ -32,7 +32,7 @@ fn gpu(setting: &Setting) -> Option<&Gpu> {
 
 /// The problem of a hall far away, for that is where f32 has it hardest.
 fn hall() -> Result<LightMapProblem> {
-    let place = super::rows::Placement { scale: 1.0, offset: glam::DVec3::new(7e3, -5e2, 6e3) };
+    let place = super::rows::WorldPlace { scale: 1.0, offset: glam::DVec3::new(7e3, -5e2, 6e3) };
     Ok(problem(&Hall { place, ..Hall::PLAIN })?.1)
 }
 
@@ -54,7 +54,7 @@ fn bent(setting: &Setting, mut numbers: Vec<Rgb>) -> Vec<Rgb> {
     numbers
 }
 
-fn products(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn products(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let Some(gpu) = gpu(setting) else { return Ok(()) };
     let problem = hall()?;
     let matrix = ExplicitMatrix::new::<1>(&problem.traversal, u64::MAX)?;
@@ -70,15 +70,15 @@ fn products(setting: &Setting, samples: &mut Samples) -> Result<()> {
     ] {
         let operator = problem.on_gpu(gpu, strategy, u64::MAX, deterministic)?;
         let found = bent(setting, operator.shown(&x)?);
-        samples.within(format!("{name}, T x"), apart(&found, &shown.0), AGAINST_EXPLICIT);
+        measurements.within(format!("{name}, T x"), apart(&found, &shown.0), AGAINST_EXPLICIT);
         let found = bent(setting, operator.arriving(&y)?);
-        samples.within(format!("{name}, T'y"), apart(&found, &arriving.0), AGAINST_EXPLICIT);
-        samples.within(format!("{name}, adjoint"), adjoint_test(&operator, 3, 1)?.error, 1e-6);
+        measurements.within(format!("{name}, T'y"), apart(&found, &arriving.0), AGAINST_EXPLICIT);
+        measurements.within(format!("{name}, adjoint"), adjoint_test(&operator, 3, 1)?.error, 1e-6);
     }
     Ok(())
 }
 
-fn same_bits(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn same_bits(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let Some(gpu) = gpu(setting) else { return Ok(()) };
     let problem = hall()?;
     let y = wave(problem.constraints.len());
@@ -90,7 +90,7 @@ fn same_bits(setting: &Setting, samples: &mut Samples) -> Result<()> {
             let found = bent(setting, operator.arriving(&y)?);
             let pairs = first.iter().flatten().zip(found.iter().flatten());
             let gap = pairs.map(|(a, b)| f64::from((a - b).abs()) / largest).fold(0.0, worse);
-            samples.within(format!("{name}, run {run}"), gap, bound);
+            measurements.within(format!("{name}, run {run}"), gap, bound);
         }
     }
     Ok(())

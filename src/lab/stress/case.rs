@@ -3,7 +3,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::rows::{Tested, Walked};
+use super::rows::{AnyRows, Tested};
 use crate::job::Engine;
 use crate::{Error, Fault, Result};
 
@@ -31,7 +31,7 @@ impl Setting {
     }
 
     /// Rows as they are tested.
-    pub(super) fn tested<'a>(&self, rows: &'a dyn Walked) -> Tested<'a> {
+    pub(super) fn tested<'a>(&self, rows: &'a dyn AnyRows) -> Tested<'a> {
         Tested { rows, faulty: self.faulty }
     }
 }
@@ -43,14 +43,14 @@ pub(super) struct Case {
     pub(super) law: &'static str,
     /// Why the bound is what it is.
     pub(super) why: &'static str,
-    pub(super) run: fn(&Setting, &mut Samples) -> Result<()>,
+    pub(super) run: fn(&Setting, &mut Measurements) -> Result<()>,
 }
 
 impl Case {
     /// Errors: those of the machine alone; any other is the verdict.
     pub(super) fn verdict(&self, setting: &Setting) -> Result<Verdict> {
         let clock = Instant::now();
-        let mut samples = Samples::default();
+        let mut samples = Measurements::default();
         let error = match (self.run)(setting, &mut samples) {
             Ok(()) => None,
             Err(error) if error.fault() == Fault::Machine => return Err(error),
@@ -58,7 +58,7 @@ impl Case {
         };
         let samples = samples.0;
         // A case that measured nothing has shown nothing.
-        let holds = error.is_none() && !samples.is_empty() && samples.iter().all(Sample::holds);
+        let holds = error.is_none() && !samples.is_empty() && samples.iter().all(Measurement::holds);
         let worst = (0..samples.len()).max_by(|&a, &b| samples[a].strain().total_cmp(&samples[b].strain()));
         Ok(Verdict {
             case: self.name,
@@ -75,7 +75,7 @@ impl Case {
 
 /// One measurement.
 #[derive(Debug, Clone, Serialize)]
-pub struct Sample {
+pub struct Measurement {
     /// Where in the sweep, and how it went.
     pub place: String,
     /// What was measured.
@@ -84,7 +84,7 @@ pub struct Sample {
     pub bound: f64,
 }
 
-impl Sample {
+impl Measurement {
     // Not `measured > bound`: a NaN must not pass.
     fn holds(&self) -> bool {
         self.measured <= self.bound
@@ -103,12 +103,12 @@ impl Sample {
 
 /// What a case has measured.
 #[derive(Debug, Default)]
-pub(super) struct Samples(Vec<Sample>);
+pub(super) struct Measurements(Vec<Measurement>);
 
-impl Samples {
+impl Measurements {
     /// `measured` must be at most `bound`.
     pub(super) fn within(&mut self, place: impl Display, measured: f64, bound: f64) {
-        self.0.push(Sample { place: place.to_string(), measured, bound });
+        self.0.push(Measurement { place: place.to_string(), measured, bound });
     }
 
     /// This must be.
@@ -139,9 +139,9 @@ pub struct Verdict {
     /// The error that ended the case.
     pub error: Option<String>,
     /// The sample that used most of its bound.
-    pub worst: Option<Sample>,
+    pub worst: Option<Measurement>,
     /// All measurements.
-    pub samples: Vec<Sample>,
+    pub samples: Vec<Measurement>,
     /// What it took.
     pub seconds: f64,
 }

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::case::Setting;
-use super::rows::{FAULT, Numbers, worse};
+use super::rows::{FAULT, RandomNumbers, worse};
 use crate::Result;
 use crate::march::{Traversal, Weight};
 use crate::operator::{Bounds, CpuVector, LinearOperator};
@@ -12,19 +12,19 @@ use crate::scene::SolverName;
 use crate::solve::{Beginning, Control, LeastSquares, Limits, Outcome, drive};
 
 /// A dense matrix as an operator; a wrong one forgets something on the way to its range.
-pub(super) struct Dense {
+pub(super) struct DenseOperator {
     matrix: DMatrix<f64>,
     faulty: bool,
 }
 
-impl Dense {
+impl DenseOperator {
     /// The operator of a problem.
-    pub(super) fn of(problem: &Problem, setting: &Setting) -> Self {
+    pub(super) fn of(problem: &DenseProblem, setting: &Setting) -> Self {
         Self { matrix: problem.matrix.clone(), faulty: setting.faulty }
     }
 }
 
-impl LinearOperator for Dense {
+impl LinearOperator for DenseOperator {
     type Domain = CpuVector<f64>;
     type Range = CpuVector<f64>;
 
@@ -81,7 +81,7 @@ impl<const C: usize> Traversal<f64, C> for Listed {
 }
 
 /// min ½‖A x − b‖², and where it starts.
-pub(super) struct Problem {
+pub(super) struct DenseProblem {
     pub(super) matrix: DMatrix<f64>,
     pub(super) b: Vec<[f64; 3]>,
     pub(super) x0: Vec<[f64; 3]>,
@@ -100,10 +100,10 @@ pub(super) struct Ended {
     pub(super) at_start: [f64; 3],
 }
 
-impl Problem {
+impl DenseProblem {
     /// Runs a method on it, with the bounds where it keeps any.
     pub(super) fn run(&self, setting: &Setting, name: SolverName, limits: &Limits) -> Result<Ended> {
-        let operator = Dense::of(self, setting);
+        let operator = DenseOperator::of(self, setting);
         let (b, x0) = (CpuVector(self.b.clone()), CpuVector(self.x0.clone()));
         let least_squares = LeastSquares::new(&operator, &b).bounded(self.bounds.clone());
         let mut method = method(name, &operator);
@@ -158,13 +158,13 @@ pub(super) fn channel(x: &[[f64; 3]], c: usize) -> DVector<f64> {
 
 /// Numbers from −1 to 1.
 pub(super) fn random(rows: usize, columns: usize, seed: u64) -> DMatrix<f64> {
-    let mut n = Numbers(seed);
+    let mut n = RandomNumbers(seed);
     DMatrix::from_fn(rows, columns, |_, _| n.uniform(-1.0, 1.0))
 }
 
 /// Colours from 0.5 to 2.
 pub(super) fn colors(len: usize, seed: u64) -> Vec<[f64; 3]> {
-    let mut n = Numbers(seed);
+    let mut n = RandomNumbers(seed);
     (0..len).map(|_| std::array::from_fn(|_| n.uniform(0.5, 2.0))).collect()
 }
 

@@ -1,9 +1,9 @@
 //! Optical depth from 1e-8 to 1e3.
 
-use super::case::{Case, Samples, Setting};
+use super::case::{Case, Measurements, Setting};
 use super::rows::{
-    BASES, INTERPOLATIONS, Numbers, Placement, cube, inside, open_rows, random_density, random_light_map,
-    random_rays, relative, row_sum, view_ray, volume_rows, worse,
+    BASES, INTERPOLATIONS, RandomNumbers, WorldPlace, cube, inside, open_rows, random_density,
+    random_light_map, random_rays, relative, row_sum, view_ray, volume_rows, worse,
 };
 use super::solved::{Question, certificate};
 use crate::Result;
@@ -62,7 +62,7 @@ const CUBIC: f64 = 1e-5;
 
 /// Rays that stay over the map.
 fn rays_over_the_map(sigma_t: [f64; 3], basis: Basis) -> Result<LightMapTraversal> {
-    let mut n = Numbers(7);
+    let mut n = RandomNumbers(7);
     let rays = (0..64).map(|_| {
         let (from, to) = (n.point(1.9), n.point(1.9));
         view_ray(from, to - from, (to - from).length())
@@ -70,7 +70,7 @@ fn rays_over_the_map(sigma_t: [f64; 3], basis: Basis) -> Result<LightMapTraversa
     open_rows(sigma_t, basis, rays.collect())
 }
 
-fn light_map(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn light_map(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for basis in BASES {
         for depth in setting.some(&DEPTHS) {
             let sigma_t = SPREAD.map(|part| part * depth);
@@ -83,13 +83,13 @@ fn light_map(setting: &Setting, samples: &mut Samples) -> Result<()> {
                     error = worse(error, relative(sum[c], -(-sigma_t[c] * ray.length).exp_m1()));
                 }
             }
-            samples.within(format!("{basis:?}, depth {depth:e}"), error, EXACT);
+            measurements.within(format!("{basis:?}, depth {depth:e}"), error, EXACT);
         }
     }
     Ok(())
 }
 
-fn cut_off(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn cut_off(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let bound = SolveSettings::default().transmittance_bound;
     for basis in BASES {
         for depth in setting.some(&DEPTHS) {
@@ -103,15 +103,15 @@ fn cut_off(setting: &Setting, samples: &mut Samples) -> Result<()> {
                 let [sum] = row_sum::<1>(&tested, row);
                 error = worse(error, relative(sum, -(-depth * ray.length).exp_m1()));
             }
-            samples.within(format!("{basis:?}, depth {depth:e}"), error, bound + EXACT);
+            measurements.within(format!("{basis:?}, depth {depth:e}"), error, bound + EXACT);
         }
     }
     Ok(())
 }
 
-fn volume(setting: &Setting, samples: &mut Samples) -> Result<()> {
-    let grid = cube([18, 11, 9], &Placement::PLAIN)?;
-    let rays = random_rays(&mut Numbers(3), 48, &Placement::PLAIN);
+fn volume(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
+    let grid = cube([18, 11, 9], &WorldPlace::PLAIN)?;
+    let rays = random_rays(&mut RandomNumbers(3), 48, &WorldPlace::PLAIN);
     for basis in INTERPOLATIONS {
         for depth in setting.some(&DEPTHS) {
             let sigma_t = SPREAD.map(|part| (part * depth) as f32);
@@ -126,17 +126,17 @@ fn volume(setting: &Setting, samples: &mut Samples) -> Result<()> {
                     error = worse(error, relative(sum[c], truth));
                 }
             }
-            samples.within(format!("{basis:?}, depth {depth:e}"), error, CONSTANT);
+            measurements.within(format!("{basis:?}, depth {depth:e}"), error, CONSTANT);
         }
     }
     Ok(())
 }
 
-fn uneven_volume(setting: &Setting, samples: &mut Samples) -> Result<()> {
-    let rays = random_rays(&mut Numbers(5), 48, &Placement::PLAIN);
+fn uneven_volume(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
+    let rays = random_rays(&mut RandomNumbers(5), 48, &WorldPlace::PLAIN);
     for (basis, bound) in INTERPOLATIONS.into_iter().zip([CONSTANT, CUBIC]) {
         for depth in setting.some(&DEPTHS) {
-            let density = random_density(11, depth, &Placement::PLAIN)?;
+            let density = random_density(11, depth, &WorldPlace::PLAIN)?;
             let rows = volume_rows(density, Quantity::Emission, basis, &rays)?;
             let tested = setting.tested(&rows);
             let mut error = 0.0;
@@ -146,31 +146,31 @@ fn uneven_volume(setting: &Setting, samples: &mut Samples) -> Result<()> {
                 let [tau, _, _] = rows.transport().density.optical_depth(ray.origin, ray.direction, length);
                 error = worse(error, relative(sum, -(-tau).exp_m1()));
             }
-            samples.within(format!("{basis:?}, depth {depth:e}"), error, bound);
+            measurements.within(format!("{basis:?}, depth {depth:e}"), error, bound);
         }
     }
     Ok(())
 }
 
-fn solve_light_map(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn solve_light_map(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for basis in BASES {
         for depth in setting.some(&DEPTHS) {
-            let rows = random_light_map(2, 400, basis, depth, &Placement::PLAIN)?;
+            let rows = random_light_map(2, 400, basis, depth, &WorldPlace::PLAIN)?;
             let solved = Question::answered_by(&rows, 1e-4)?.solved(setting, &rows)?;
-            certificate(samples, &format!("{basis:?}, depth {depth:e}"), &solved, 1e-4);
+            certificate(measurements, &format!("{basis:?}, depth {depth:e}"), &solved, 1e-4);
         }
     }
     Ok(())
 }
 
-fn solve_volume(setting: &Setting, samples: &mut Samples) -> Result<()> {
-    let rays = random_rays(&mut Numbers(5), 400, &Placement::PLAIN);
+fn solve_volume(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
+    let rays = random_rays(&mut RandomNumbers(5), 400, &WorldPlace::PLAIN);
     for basis in INTERPOLATIONS {
         for depth in setting.some(&DEPTHS) {
-            let density = random_density(11, depth, &Placement::PLAIN)?;
+            let density = random_density(11, depth, &WorldPlace::PLAIN)?;
             let rows = volume_rows(density, Quantity::Emission, basis, &rays)?;
             let solved = Question::answered_by(&rows, 1e-4)?.solved(setting, &rows)?;
-            certificate(samples, &format!("{basis:?}, depth {depth:e}"), &solved, 1e-4);
+            certificate(measurements, &format!("{basis:?}, depth {depth:e}"), &solved, 1e-4);
         }
     }
     Ok(())

@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::rows::Placement;
+use super::rows::WorldPlace;
 use crate::Result;
 use crate::problem::LightMapProblem;
 use crate::scene::{
@@ -24,14 +24,14 @@ const BOXES: [[[f64; 3]; 2]; 7] = [
 /// What of the hall is changed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hall {
-    pub(super) place: Placement,
+    pub(super) place: WorldPlace,
     pub(super) radiance: f32,
     /// How often every surface is there.
     pub(super) copies: usize,
 }
 
 impl Hall {
-    pub(super) const PLAIN: Self = Self { place: Placement::PLAIN, radiance: 4.0, copies: 1 };
+    pub(super) const PLAIN: Self = Self { place: WorldPlace::PLAIN, radiance: 4.0, copies: 1 };
 }
 
 /// The scene.
@@ -63,7 +63,7 @@ pub(super) fn hall(of: &Hall) -> Result<Scene> {
     })
 }
 
-fn view(name: &str, origin: [f64; 3], target: [f64; 3], place: &Placement) -> Result<View> {
+fn view(name: &str, origin: [f64; 3], target: [f64; 3], place: &WorldPlace) -> Result<View> {
     let [origin, target] = [origin, target].map(|point| place.at(DVec3::from_array(point)));
     let stroke = |points: [[f32; 2]; 2], color| Stroke {
         points: points.to_vec(),

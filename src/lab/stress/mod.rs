@@ -23,7 +23,7 @@ mod solving;
 use serde::Serialize;
 
 use self::case::{Case, Setting};
-pub use self::case::{Sample, Verdict};
+pub use self::case::{Measurement, Verdict};
 use crate::job::{Engine, EngineChoice, Observer, Step, Stop};
 use crate::{Error, Result};
 

@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use rayon::prelude::*;
 
-use super::case::{Case, Samples, Setting};
-use super::rows::{Numbers, Placement, Tested, random_light_map};
+use super::case::{Case, Measurements, Setting};
+use super::rows::{RandomNumbers, Tested, WorldPlace, random_light_map};
 use crate::cpu::Transport;
 use crate::march::{LightMapTraversal, Traversal, Weight};
 use crate::operator::{LinearOperator, Vector, WalkPlan};
@@ -37,11 +37,11 @@ pub(super) const CASES: [Case; 3] = [
 const UNIT: f64 = f32::EPSILON as f64 / 2.0;
 
 fn field() -> Result<LightMapTraversal> {
-    random_light_map(6, 2000, Basis::Bilinear, 0.5, &Placement::PLAIN)
+    random_light_map(6, 2000, Basis::Bilinear, 0.5, &WorldPlace::PLAIN)
 }
 
 fn ones_and_more(len: usize) -> Vec<[f64; 3]> {
-    let mut n = Numbers(3);
+    let mut n = RandomNumbers(3);
     (0..len).map(|_| std::array::from_fn(|_| n.uniform(-1.0, 1.0))).collect()
 }
 
@@ -65,7 +65,7 @@ fn bits(rows: &LightMapTraversal, faulty: bool) -> Result<Vec<u64>> {
     Ok(bits)
 }
 
-fn threads(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn threads(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let rows = field()?;
     let with = |threads: usize, faulty: bool| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -75,7 +75,7 @@ fn threads(setting: &Setting, samples: &mut Samples) -> Result<()> {
     let one = with(1, false)?;
     for threads in setting.some(&[2, 3, 7]) {
         let differ = one.iter().zip(with(threads, setting.faulty)?).filter(|(a, b)| **a != *b).count();
-        samples.within(format!("{threads} threads, numbers that differ"), differ as f64, 0.0);
+        measurements.within(format!("{threads} threads, numbers that differ"), differ as f64, 0.0);
     }
     Ok(())
 }
@@ -102,7 +102,7 @@ impl<const C: usize> Traversal<f64, C> for Permuted<'_> {
 
 /// An order by lot (Fisher and Yates).
 fn shuffled(len: usize, seed: u64) -> Vec<usize> {
-    let (mut order, mut n) = ((0..len).collect::<Vec<usize>>(), Numbers(seed));
+    let (mut order, mut n) = ((0..len).collect::<Vec<usize>>(), RandomNumbers(seed));
     for last in (1..len).rev() {
         order.swap(last, (n.next() % (last as u64 + 1)) as usize);
     }
@@ -122,7 +122,7 @@ fn arriving(rows: &LightMapTraversal, y: &[[f64; 3]]) -> Vec<[f64; 3]> {
     sums
 }
 
-fn rows(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn rows(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let rows = field()?;
     let products = |rows: &Permuted, setting: &Setting| {
         let plan = WalkPlan::new::<1>(&setting.tested(rows));
@@ -146,9 +146,9 @@ fn rows(setting: &Setting, samples: &mut Samples) -> Result<()> {
         let (other_shown, other_arriving) = products(&permuted, setting)?;
         let pairs = permuted.order.iter().map(|&row| shown.0[row]).zip(&other_shown.0);
         let differ = pairs.filter(|(a, b)| a.map(f32::to_bits) != b.map(f32::to_bits)).count();
-        samples.within(format!("order {seed}, rows that differ"), differ as f64, 0.0);
+        measurements.within(format!("order {seed}, rows that differ"), differ as f64, 0.0);
         let sums: Vec<f32> = other_arriving.0.iter().map(|sums| sums[0]).collect();
-        samples.within(format!("order {seed}, T'y"), rounding(&sums, &truth), 1.0);
+        measurements.within(format!("order {seed}, T'y"), rounding(&sums, &truth), 1.0);
     }
     Ok(())
 }
@@ -162,7 +162,7 @@ fn rounding(sums: &[f32], truth: &[[f64; 3]]) -> f64 {
     sums.iter().zip(truth).map(part).fold(0.0, super::rows::worse)
 }
 
-fn atomics(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn atomics(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let rows = field()?;
     let y = ones_and_more(rows.rays().len());
     let truth = arriving(&rows, &y);
@@ -178,7 +178,7 @@ fn atomics(setting: &Setting, samples: &mut Samples) -> Result<()> {
             });
         });
         let sums: Vec<f32> = sums.into_iter().map(|sum| f32::from_bits(sum.into_inner())).collect();
-        samples.within(format!("run {run}, parts of that bound"), rounding(&sums, &truth), 1.0);
+        measurements.within(format!("run {run}, parts of that bound"), rounding(&sums, &truth), 1.0);
     }
     Ok(())
 }

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::case::{Case, Samples, Setting};
-use super::dense::{Dense, Problem, colors, image};
+use super::case::{Case, Measurements, Setting};
+use super::dense::{DenseOperator, DenseProblem, colors, image};
 use super::rows::worse;
 use crate::Result;
 use crate::operator::{Bounds, CpuVector, LinearOperator, Vector};
@@ -35,7 +35,7 @@ pub(super) const CASES: [Case; 3] = [
 const METHODS: [SolverName; 3] = [SolverName::Cgls, SolverName::Lsqr, SolverName::Lsmr];
 
 /// 100 unknowns whose scales fall from 1 to 1e-6, mixed by a reflection, and 20 rows more, which nothing can meet.
-fn graded() -> Problem {
+fn graded() -> DenseProblem {
     const SIDE: usize = 100;
     let scale = |index: usize| 1e-6f64.powf(index as f64 / (SIDE - 1) as f64);
     let v = DVector::from_element(SIDE, (2.0 / SIDE as f64).sqrt());
@@ -44,20 +44,20 @@ fn graded() -> Problem {
     let matrix = scaled.resize_vertically(SIDE + 20, 0.0);
     let mut b = image(&matrix, &colors(SIDE, 3));
     b[SIDE..].fill([0.5; 3]);
-    Problem { matrix, b, x0: vec![[0.0; 3]; SIDE], bounds: Bounds::NONE }
+    DenseProblem { matrix, b, x0: vec![[0.0; 3]; SIDE], bounds: Bounds::NONE }
 }
 
-fn hilbert_matrix(side: usize) -> Problem {
+fn hilbert_matrix(side: usize) -> DenseProblem {
     let matrix = DMatrix::from_fn(side, side, |i, j| 1.0 / (i + j + 1) as f64);
     let b = image(&matrix, &colors(side, 4));
-    Problem { matrix, b, x0: vec![[0.0; 3]; side], bounds: Bounds::NONE }
+    DenseProblem { matrix, b, x0: vec![[0.0; 3]; side], bounds: Bounds::NONE }
 }
 
-fn ten_thousand(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn ten_thousand(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     const STEPS: usize = 10_000;
     let problem = graded();
     for name in METHODS {
-        let operator = Dense::of(&problem, setting);
+        let operator = DenseOperator::of(&problem, setting);
         let b = CpuVector(problem.b.clone());
         let least_squares = LeastSquares::new(&operator, &b);
         let mut method = method(name, &operator);
@@ -77,12 +77,12 @@ fn ten_thousand(setting: &Setting, samples: &mut Samples) -> Result<()> {
             error = worse(error, (truth - believed[c].sqrt()).abs() / length);
             bound = bound.min(STEPS as f64 * f64::EPSILON * (norm * largest[c] / length + 1.0));
         }
-        samples.within(name.name(), error, bound);
+        measurements.within(name.name(), error, bound);
     }
     Ok(())
 }
 
-fn hilbert(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn hilbert(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for side in setting.some(&[4, 8, 12, 20]) {
         let problem = hilbert_matrix(side);
         for tolerance in [1e-4, 1e-8, 1e-12, 0.0] {
@@ -96,9 +96,9 @@ fn hilbert(setting: &Setting, samples: &mut Samples) -> Result<()> {
                     stop.reason.name(),
                     stop.iteration
                 );
-                samples.within(&place, (ended.truth - ended.claimed).abs(), ended.rounding);
+                measurements.within(&place, (ended.truth - ended.claimed).abs(), ended.rounding);
                 if stop.reason == StopReason::Tolerance {
-                    samples.within(place, ended.truth, 1.5 * tolerance + ended.rounding);
+                    measurements.within(place, ended.truth, 1.5 * tolerance + ended.rounding);
                 }
             }
         }
@@ -106,10 +106,10 @@ fn hilbert(setting: &Setting, samples: &mut Samples) -> Result<()> {
     Ok(())
 }
 
-fn orthogonality(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn orthogonality(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     const TOLERANCE: f64 = 1e-10;
     let problem = graded();
-    let operator = Dense::of(&problem, setting);
+    let operator = DenseOperator::of(&problem, setting);
     let (b, x0) = (CpuVector(problem.b.clone()), operator.domain());
     let least_squares = LeastSquares::new(&operator, &b);
     let mut method = method(SolverName::Cgls, &operator);
@@ -128,8 +128,8 @@ fn orthogonality(setting: &Setting, samples: &mut Samples) -> Result<()> {
     let ended = problem.judged(SolverName::Cgls, method.solution().0.clone(), outcome);
     let stop = ended.outcome.stop;
     let place = format!("cosine {lost:.2}, {} after {}", stop.reason.name(), stop.iteration);
-    samples.must(&place, lost > 0.1);
-    samples.within(&place, (ended.truth - ended.claimed).abs(), ended.rounding);
-    samples.within(place, ended.truth, 1.5 * TOLERANCE + ended.rounding);
+    measurements.must(&place, lost > 0.1);
+    measurements.within(&place, (ended.truth - ended.claimed).abs(), ended.rounding);
+    measurements.within(place, ended.truth, 1.5 * TOLERANCE + ended.rounding);
     Ok(())
 }

@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::case::{Case, Samples, Setting};
+use super::case::{Case, Measurements, Setting};
 use super::rows::{
-    BASES, INTERPOLATIONS, Numbers, Placement, Walked, random_density, random_light_map, random_rays,
+    AnyRows, BASES, INTERPOLATIONS, RandomNumbers, WorldPlace, random_density, random_light_map, random_rays,
     volume_rows, worse,
 };
 use super::solved::{Question, certificate};
@@ -30,35 +30,48 @@ pub(super) const CASES: [Case; 2] = [
     },
 ];
 
-fn products(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn products(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for basis in BASES {
-        let rows = random_light_map(2, 400, basis, 0.5, &Placement::PLAIN)?;
-        every_way(setting, samples, &format!("light map, {basis:?}"), &rows)?;
+        let rows = random_light_map(2, 400, basis, 0.5, &WorldPlace::PLAIN)?;
+        every_way(setting, measurements, &format!("light map, {basis:?}"), &rows)?;
     }
     for basis in INTERPOLATIONS {
-        let rays = random_rays(&mut Numbers(5), 400, &Placement::PLAIN);
-        let density = random_density(11, 1.0, &Placement::PLAIN)?;
+        let rays = random_rays(&mut RandomNumbers(5), 400, &WorldPlace::PLAIN);
+        let density = random_density(11, 1.0, &WorldPlace::PLAIN)?;
         let rows = volume_rows(density, Quantity::Emission, basis, &rays)?;
-        every_way(setting, samples, &format!("volume, {basis:?}"), &rows)?;
+        every_way(setting, measurements, &format!("volume, {basis:?}"), &rows)?;
     }
     Ok(())
 }
 
-fn every_way(setting: &Setting, samples: &mut Samples, place: &str, rows: &dyn Walked) -> Result<()> {
+fn every_way(
+    setting: &Setting,
+    measurements: &mut Measurements,
+    place: &str,
+    rows: &dyn AnyRows,
+) -> Result<()> {
     let matrix = ExplicitMatrix::new::<1>(&Setting::RIGHT.tested(rows), u64::MAX)?;
     for (name, strategy) in [("kept", Strategy::Assembled), ("walked", Strategy::MatrixFree)] {
         let place = format!("{place}, {name}");
-        against::<f32>(setting, samples, &format!("{place}, f32"), rows, &matrix, strategy, [1e-5, 1e-6])?;
-        against::<f64>(setting, samples, &format!("{place}, f64"), rows, &matrix, strategy, [1e-13; 2])?;
+        against::<f32>(
+            setting,
+            measurements,
+            &format!("{place}, f32"),
+            rows,
+            &matrix,
+            strategy,
+            [1e-5, 1e-6],
+        )?;
+        against::<f64>(setting, measurements, &format!("{place}, f64"), rows, &matrix, strategy, [1e-13; 2])?;
     }
     Ok(())
 }
 
 fn against<F: Real>(
     setting: &Setting,
-    samples: &mut Samples,
+    measurements: &mut Measurements,
     place: &str,
-    rows: &dyn Walked,
+    rows: &dyn AnyRows,
     matrix: &ExplicitMatrix,
     strategy: Strategy,
     [bound, adjoint]: [f64; 2],
@@ -68,7 +81,7 @@ where
 {
     let plan = WalkPlan::new::<1>(&setting.tested(rows));
     let operator = Transport::<_, F, 1>::new(setting.tested(rows), &plan, strategy, u64::MAX)?;
-    let mut n = Numbers(41);
+    let mut n = RandomNumbers(41);
     let mut colors = |len: usize| -> Vec<[f64; 3]> {
         (0..len).map(|_| std::array::from_fn(|_| n.uniform(-1.0, 1.0))).collect()
     };
@@ -84,9 +97,9 @@ where
     let (mut true_shown, mut true_arriving) = (matrix.range(), matrix.domain());
     matrix.apply(&x64, &mut true_shown)?;
     matrix.apply_adjoint(&y64, &mut true_arriving)?;
-    samples.within(format!("{place}, T x"), difference(shown.to_host()?, &true_shown)?, bound);
-    samples.within(format!("{place}, T'y"), difference(arriving.to_host()?, &true_arriving)?, bound);
-    samples.within(format!("{place}, adjoint"), adjoint_test(&operator, 2, 1)?.error, adjoint);
+    measurements.within(format!("{place}, T x"), difference(shown.to_host()?, &true_shown)?, bound);
+    measurements.within(format!("{place}, T'y"), difference(arriving.to_host()?, &true_arriving)?, bound);
+    measurements.within(format!("{place}, adjoint"), adjoint_test(&operator, 2, 1)?.error, adjoint);
     Ok(())
 }
 
@@ -98,8 +111,8 @@ fn difference(a: Vec<[f64; 3]>, b: &CpuVector<f64>) -> Result<f64> {
     Ok((norm(&difference)? / norm(b)?).sqrt())
 }
 
-fn found(setting: &Setting, samples: &mut Samples) -> Result<()> {
-    let rows = random_light_map(4, 500, Basis::Bilinear, 0.5, &Placement::PLAIN)?;
+fn found(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
+    let rows = random_light_map(4, 500, Basis::Bilinear, 0.5, &WorldPlace::PLAIN)?;
     for name in SolverName::ALL.into_iter().filter(|name| *name != SolverName::ClampedCgls) {
         let question = Question::answered_by(&rows, 1e-6)?.by(name).pulled(0.5);
         let answer = question.solved(setting, &rows)?;
@@ -112,7 +125,7 @@ fn found(setting: &Setting, samples: &mut Samples) -> Result<()> {
         let mut normal = dense.tr_mul(&dense);
         (0..normal.nrows()).for_each(|index| normal[(index, index)] += lambda);
         let Some(factors) = normal.cholesky() else {
-            samples.must("the normal matrix has a factorization", false);
+            measurements.must("the normal matrix has a factorization", false);
             continue;
         };
         let mut error = 0.0;
@@ -125,8 +138,8 @@ fn found(setting: &Setting, samples: &mut Samples) -> Result<()> {
             error = worse(error, pairs.map(|(x, t)| (f64::from(x[c]) - t).powi(2)).sum::<f64>().sqrt());
         }
         let place = format!("{}, {}", name.name(), answer.ending());
-        samples.within(place, error, answer.reach());
-        certificate(samples, name.name(), &answer, 1e-6);
+        measurements.within(place, error, answer.reach());
+        certificate(measurements, name.name(), &answer, 1e-6);
     }
     Ok(())
 }

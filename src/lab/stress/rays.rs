@@ -2,9 +2,9 @@
 
 use glam::{DAffine3, DVec2, DVec3};
 
-use super::case::{Case, Samples, Setting};
+use super::case::{Case, Measurements, Setting};
 use super::rows::{
-    BASES, FAULT, INTERPOLATIONS, Placement, cube, dense, inside, open_rows, relative, row_sum, view_ray,
+    BASES, FAULT, INTERPOLATIONS, WorldPlace, cube, dense, inside, open_rows, relative, row_sum, view_ray,
     volume_rows, worse,
 };
 use crate::Result;
@@ -94,7 +94,7 @@ fn off(setting: &Setting, rows: &LightMapTraversal) -> f64 {
     rows.rays().iter().enumerate().map(error).fold(0.0, worse)
 }
 
-fn axis_parallel(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn axis_parallel(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let places: Vec<f64> = (-64..=64).map(|k| f64::from(k) * TEXEL / 2.0).collect();
     for basis in BASES {
         for (name, direction) in
@@ -109,13 +109,13 @@ fn axis_parallel(setting: &Setting, samples: &mut Samples) -> Result<()> {
             let mut rays: Vec<ViewRay> = places.iter().map(ray).collect();
             rays.extend(places.iter().map(|place| view_ray(place * across, direction, 1.0)));
             let rows = open_rows([SIGMA_T; 3], basis, rays)?;
-            samples.within(format!("{basis:?}, along {name}"), off(setting, &rows), EXACT);
+            measurements.within(format!("{basis:?}, along {name}"), off(setting, &rows), EXACT);
         }
     }
     Ok(())
 }
 
-fn corners(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn corners(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let directions = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [2.0, 1.0], [-1.0, 3.0]];
     for basis in BASES {
         for [u, v] in setting.some(&directions) {
@@ -128,14 +128,14 @@ fn corners(setting: &Setting, samples: &mut Samples) -> Result<()> {
                     let ray = |side: f64| view_ray(origin + side * distance * across, direction, 7.0);
                     let rows = open_rows([SIGMA_T; 3], basis, vec![ray(0.0), ray(1.0), ray(-1.0)])?;
                     let place = format!("{basis:?}, along ({u}, {v}) + {shift}, {distance:e} m beside");
-                    samples.within(&place, off(setting, &rows), EXACT);
+                    measurements.within(&place, off(setting, &rows), EXACT);
                     let on = dense::<1>(&Setting::RIGHT.tested(&rows), 0);
                     let apart = |row| {
                         let beside = dense::<1>(&setting.tested(&rows), row);
                         on.iter().zip(&beside).map(|([a], [b])| (a - b).abs()).sum::<f64>()
                     };
                     let bound = 128.0 * 4.0 * SIGMA_T * (distance + 4.0 * f64::EPSILON);
-                    samples.within(place, worse(apart(1), apart(2)), bound);
+                    measurements.within(place, worse(apart(1), apart(2)), bound);
                 }
             }
         }
@@ -143,7 +143,7 @@ fn corners(setting: &Setting, samples: &mut Samples) -> Result<()> {
     Ok(())
 }
 
-fn grazing(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn grazing(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for basis in BASES {
         for angle in setting.some(&ANGLES) {
             let along = [
@@ -164,15 +164,20 @@ fn grazing(setting: &Setting, samples: &mut Samples) -> Result<()> {
                 starts.iter().map(move |start| view_ray(start.extend(0.0), direction, 5.0))
             });
             let rows = open_rows([SIGMA_T; 3], basis, rays.collect())?;
-            samples.within(format!("{basis:?}, angle {angle:e}"), off(setting, &rows), EXACT);
+            measurements.within(format!("{basis:?}, angle {angle:e}"), off(setting, &rows), EXACT);
         }
     }
     Ok(())
 }
 
 /// Emission and length of rays through an even medium of 16³ voxels, whose faces are at multiples of 1/8.
-fn through_voxels(setting: &Setting, samples: &mut Samples, place: &str, rays: &[(Ray, f64)]) -> Result<()> {
-    let grid = cube([16; 3], &Placement::PLAIN)?;
+fn through_voxels(
+    setting: &Setting,
+    measurements: &mut Measurements,
+    place: &str,
+    rays: &[(Ray, f64)],
+) -> Result<()> {
+    let grid = cube([16; 3], &WorldPlace::PLAIN)?;
     for basis in INTERPOLATIONS {
         for quantity in [Quantity::Emission, Quantity::Extinction] {
             let is_length = matches!(quantity, Quantity::Extinction);
@@ -191,13 +196,13 @@ fn through_voxels(setting: &Setting, samples: &mut Samples, place: &str, rays: &
                 if in_the_rim && sum == 0.0 { 0.0 } else { relative(sum, truth) }
             };
             let error = rays.iter().enumerate().map(error).fold(0.0, worse);
-            samples.within(format!("{basis:?}, {what}, {place}"), error, CONSTANT);
+            measurements.within(format!("{basis:?}, {what}, {place}"), error, CONSTANT);
         }
     }
     Ok(())
 }
 
-fn voxel_edges(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn voxel_edges(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     // Faces and middles of voxels.
     let places: Vec<f64> = (-16..=16).map(|k| f64::from(k) / 16.0).collect();
     for (axis, direction) in [DVec3::X, DVec3::NEG_Y, DVec3::Z].into_iter().enumerate() {
@@ -205,7 +210,7 @@ fn voxel_edges(setting: &Setting, samples: &mut Samples) -> Result<()> {
         let pairs = places.iter().flat_map(|a| setting.some(&places).into_iter().map(move |b| (*a, b)));
         let ray = |(a, b)| Ray { origin: a * across + b * up - 2.0 * direction, direction };
         let rays: Vec<(Ray, f64)> = pairs.map(|pair| (ray(pair), f64::INFINITY)).collect();
-        through_voxels(setting, samples, &format!("along {direction}"), &rays)?;
+        through_voxels(setting, measurements, &format!("along {direction}"), &rays)?;
     }
     for direction in [DVec3::ONE, DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 2.0)] {
         let ray = |k: i32| {
@@ -213,12 +218,12 @@ fn voxel_edges(setting: &Setting, samples: &mut Samples) -> Result<()> {
             Ray { origin: corner - 2.0 * direction, direction: direction.normalize() }
         };
         let rays: Vec<(Ray, f64)> = (-7..=7).map(|k| (ray(k), f64::INFINITY)).collect();
-        through_voxels(setting, samples, &format!("along {direction}"), &rays)?;
+        through_voxels(setting, measurements, &format!("along {direction}"), &rays)?;
     }
     Ok(())
 }
 
-fn voxel_grazing(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn voxel_grazing(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for angle in setting.some(&ANGLES) {
         let along = [
             DVec3::new(1.0, angle, 0.0),
@@ -231,12 +236,12 @@ fn voxel_grazing(setting: &Setting, samples: &mut Samples) -> Result<()> {
             let ray = |start: DVec3| Ray { origin: start, direction: direction.normalize() };
             starts.map(|start| (ray(start), 5.0))
         });
-        through_voxels(setting, samples, &format!("angle {angle:e}"), &rays.collect::<Vec<_>>())?;
+        through_voxels(setting, measurements, &format!("angle {angle:e}"), &rays.collect::<Vec<_>>())?;
     }
     Ok(())
 }
 
-fn surfaces(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn surfaces(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let mut mesh = Mesh::default();
     // A square of two triangles whose common edge is a diagonal, and the same once more in its plane.
     let sides = [DVec3::new(2.0, 0.0, 0.0), DVec3::new(0.0, 0.0, 2.0)];
@@ -262,22 +267,23 @@ fn surfaces(setting: &Setting, samples: &mut Samples) -> Result<()> {
             }
         }
     }
-    samples.within("diagonals and rim", error, 8.0 * f64::EPSILON);
+    measurements.within("diagonals and rim", error, 8.0 * f64::EPSILON);
     for angle in setting.some(&ANGLES) {
         let height = 0.5 * angle;
         let direction = DVec3::new(1.0, -angle, 0.0);
         let distance = hit(DVec3::new(-0.25, height, 0.1), direction).unwrap_or(f64::INFINITY);
         let truth = height / -direction.normalize().y;
-        samples.within(format!("angle {angle:e}"), relative(distance, truth), 64.0 * f64::EPSILON);
+        measurements.within(format!("angle {angle:e}"), relative(distance, truth), 64.0 * f64::EPSILON);
         let away = hit(DVec3::new(-0.25, height, 0.1), DVec3::new(1.0, angle, 0.0));
-        samples.must(format!("angle {angle:e}, away"), away.is_none());
+        measurements.must(format!("angle {angle:e}, away"), away.is_none());
     }
     for (name, origin) in [("from beside", -3.0), ("from inside", 0.25)] {
         let distance = hit(DVec3::new(origin, 0.0, 0.1), DVec3::X);
         let reached = distance.map(|distance| origin + distance);
-        samples.must(format!("in its plane {name}"), reached.is_none_or(|x| x.abs() <= 1.0 + f64::EPSILON));
+        measurements
+            .must(format!("in its plane {name}"), reached.is_none_or(|x| x.abs() <= 1.0 + f64::EPSILON));
     }
     let up = hit(DVec3::new(0.1, 0.0, 0.2), DVec3::Y);
-    samples.must("from itself", up.is_none());
+    measurements.must("from itself", up.is_none());
     Ok(())
 }

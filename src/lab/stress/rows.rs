@@ -23,14 +23,14 @@ pub(super) const NO_CUT: f64 = f64::MIN_POSITIVE;
 pub(super) const FAULT: f64 = 1.001;
 
 /// A traversal of any kind. What is compiled for one of these is compiled once.
-pub(super) trait Walked: Sync {
+pub(super) trait AnyRows: Sync {
     fn rows(&self) -> usize;
     fn elements(&self) -> usize;
     fn visit_grey(&self, row: usize, visit: &mut dyn FnMut(usize, [f64; 1]));
     fn visit_colored(&self, row: usize, visit: &mut dyn FnMut(usize, [f64; 3]));
 }
 
-impl<T: Traversal<f64, 1> + Traversal<f64, 3>> Walked for T {
+impl<T: Traversal<f64, 1> + Traversal<f64, 3>> AnyRows for T {
     fn rows(&self) -> usize {
         Traversal::<f64, 1>::rows(self)
     }
@@ -51,7 +51,7 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>> Walked for T {
 /// Rows whose first weight is wrong where a fault is asked for.
 #[derive(Clone, Copy)]
 pub(super) struct Tested<'a> {
-    pub(super) rows: &'a dyn Walked,
+    pub(super) rows: &'a dyn AnyRows,
     pub(super) faulty: bool,
 }
 
@@ -78,9 +78,9 @@ impl<const C: usize> Traversal<f64, C> for Tested<'_> {
 }
 
 /// The same numbers in every run (SplitMix64).
-pub(super) struct Numbers(pub(super) u64);
+pub(super) struct RandomNumbers(pub(super) u64);
 
-impl Numbers {
+impl RandomNumbers {
     pub(super) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -109,12 +109,12 @@ impl Numbers {
 
 /// Where everything is: a place in the world, and the metres of a unit of length there.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Placement {
+pub(super) struct WorldPlace {
     pub(super) scale: f64,
     pub(super) offset: DVec3,
 }
 
-impl Placement {
+impl WorldPlace {
     pub(super) const PLAIN: Self = Self { scale: 1.0, offset: DVec3::ZERO };
 
     pub(super) fn scaled(scale: f64) -> Self {
@@ -127,7 +127,7 @@ impl Placement {
 }
 
 /// A rectangle of texels in the light's plane.
-pub(super) fn texels(min: [f64; 2], max: [f64; 2], size: [usize; 2], place: &Placement) -> Result<Grid> {
+pub(super) fn texels(min: [f64; 2], max: [f64; 2], size: [usize; 2], place: &WorldPlace) -> Result<Grid> {
     let at = |corner: [f64; 2]| {
         let corner = place.at(DVec2::from_array(corner).extend(0.0));
         DVec2::new(corner.x, corner.y)
@@ -162,7 +162,7 @@ pub(super) fn light_map_rows(
 
 /// The square of 4 × 4 metres around the origin in 64 × 64 texels, without shadows: texel borders are at multiples of 1/16.
 pub(super) fn open_rows(sigma_t: [f64; 3], basis: Basis, rays: Vec<ViewRay>) -> Result<LightMapTraversal> {
-    let grid = texels([-2.0; 2], [2.0; 2], [64; 2], &Placement::PLAIN)?;
+    let grid = texels([-2.0; 2], [2.0; 2], [64; 2], &WorldPlace::PLAIN)?;
     Ok(light_map_rows(grid, ShadowMap::open(grid), sigma_t, basis, rays))
 }
 
@@ -173,9 +173,9 @@ pub(super) fn random_light_map(
     count: usize,
     basis: Basis,
     depth: f64,
-    place: &Placement,
+    place: &WorldPlace,
 ) -> Result<LightMapTraversal> {
-    let mut n = Numbers(seed);
+    let mut n = RandomNumbers(seed);
     let shadow_grid = texels([-1.1, -0.9], [1.0, 1.2], [23, 19], place)?;
     let scale = place.scale;
     let depths: Vec<f32> = (0..shadow_grid.len())
@@ -218,7 +218,7 @@ fn rows_along(rays: &[(Ray, f64)]) -> Result<PixelRays> {
 }
 
 /// Rays into the cube of two units around the origin: from outside and inside, some along the axes, some that end on the way.
-pub(super) fn random_rays(n: &mut Numbers, count: usize, place: &Placement) -> Vec<(Ray, f64)> {
+pub(super) fn random_rays(n: &mut RandomNumbers, count: usize, place: &WorldPlace) -> Vec<(Ray, f64)> {
     let ray = |index: usize| {
         let origin = n.point(if index.is_multiple_of(3) { 0.6 } else { 3.0 });
         let direction = match index % 9 {
@@ -234,7 +234,7 @@ pub(super) fn random_rays(n: &mut Numbers, count: usize, place: &Placement) -> V
 }
 
 /// A volume over the cube of two units around the origin.
-pub(super) fn cube(size: [usize; 3], place: &Placement) -> Result<VoxelGrid> {
+pub(super) fn cube(size: [usize; 3], place: &WorldPlace) -> Result<VoxelGrid> {
     let corner = place.at(DVec3::NEG_ONE);
     let matrix3 = DMat3::from_diagonal(DVec3::splat(2.0 * place.scale));
     VoxelGrid::over_cube(size, DAffine3 { matrix3, translation: corner })
@@ -260,8 +260,8 @@ pub(super) fn volume_rows(
 }
 
 /// Extinction with holes, wherever it is placed; `depth` is the largest optical depth of a unit of length.
-pub(super) fn random_density(seed: u64, depth: f64, place: &Placement) -> Result<Volume> {
-    let (mut n, grid) = (Numbers(seed), cube([18, 11, 9], place)?);
+pub(super) fn random_density(seed: u64, depth: f64, place: &WorldPlace) -> Result<Volume> {
+    let (mut n, grid) = (RandomNumbers(seed), cube([18, 11, 9], place)?);
     let sample = |_| match n.next().is_multiple_of(3) {
         true => 0.0,
         false => (n.uniform(0.1, 1.0) * depth / place.scale) as f32,
@@ -307,7 +307,7 @@ pub(super) fn row_sum<const C: usize>(rows: &Tested, row: usize) -> [f64; C] {
 }
 
 /// Σ |a − b| / Σ |a| over all weights of two matrices.
-pub(super) fn apart(a: &dyn Walked, b: &Tested) -> f64 {
+pub(super) fn apart(a: &dyn AnyRows, b: &Tested) -> f64 {
     let a = &Tested { rows: a, faulty: false };
     let (mut difference, mut sum) = (0.0, 0.0);
     for row in 0..a.rows.rows() {

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::case::{Case, Samples, Setting};
+use super::case::{Case, Measurements, Setting};
 use super::hall::{Hall, problem};
 use super::rows::{
-    BASES, INTERPOLATIONS, Numbers, Placement, apart, cube, random_density, random_light_map, random_rays,
-    volume_rows,
+    BASES, INTERPOLATIONS, RandomNumbers, WorldPlace, apart, cube, random_density, random_light_map,
+    random_rays, volume_rows,
 };
 use super::solved::{Question, certificate};
 use crate::cpu::HostOperator;
@@ -100,31 +100,31 @@ fn unless_exact(factor: f64, bound: f64) -> f64 {
     if is_power_of_two(factor) { 0.0 } else { bound }
 }
 
-fn light_map(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn light_map(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for basis in BASES {
-        let plain = random_light_map(2, 200, basis, 0.5, &Placement::PLAIN)?;
+        let plain = random_light_map(2, 200, basis, 0.5, &WorldPlace::PLAIN)?;
         for scale in setting.some(&SCALES) {
-            let rows = random_light_map(2, 200, basis, 0.5, &Placement::scaled(scale))?;
+            let rows = random_light_map(2, 200, basis, 0.5, &WorldPlace::scaled(scale))?;
             let difference = apart(&plain, &setting.tested(&rows));
-            samples.within(format!("{basis:?}, {scale:.3e}"), difference, unless_exact(scale, ROUNDED));
+            measurements.within(format!("{basis:?}, {scale:.3e}"), difference, unless_exact(scale, ROUNDED));
         }
     }
     Ok(())
 }
 
 /// Rows of emission through random densities.
-fn emission(basis: Interpolation, place: &Placement) -> Result<VolumeTraversal> {
-    let rays = random_rays(&mut Numbers(5), 200, place);
+fn emission(basis: Interpolation, place: &WorldPlace) -> Result<VolumeTraversal> {
+    let rays = random_rays(&mut RandomNumbers(5), 200, place);
     volume_rows(random_density(11, 1.0, place)?, Quantity::Emission, basis, &rays)
 }
 
-fn volume(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn volume(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for basis in INTERPOLATIONS {
-        let plain = emission(basis, &Placement::PLAIN)?;
+        let plain = emission(basis, &WorldPlace::PLAIN)?;
         for scale in setting.some(&SCALES) {
-            let rows = emission(basis, &Placement::scaled(scale))?;
+            let rows = emission(basis, &WorldPlace::scaled(scale))?;
             let difference = apart(&plain, &setting.tested(&rows));
-            samples.within(format!("{basis:?}, {scale:.3e}"), difference, unless_exact(scale, ROUNDED));
+            measurements.within(format!("{basis:?}, {scale:.3e}"), difference, unless_exact(scale, ROUNDED));
         }
     }
     Ok(())
@@ -157,64 +157,64 @@ fn plain_light_map() -> Result<Vec<Rgb>> {
     light_map_of(&Setting::RIGHT, &Hall::PLAIN)
 }
 
-fn whole_scene(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn whole_scene(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let plain = plain_light_map()?;
     for scale in setting.some(&SCALES) {
-        let found = light_map_of(setting, &Hall { place: Placement::scaled(scale), ..Hall::PLAIN })?;
-        samples.within(format!("{scale:.3e}"), light_maps_apart(&plain, &found, 1.0), OTHER_DEPTHS);
+        let found = light_map_of(setting, &Hall { place: WorldPlace::scaled(scale), ..Hall::PLAIN })?;
+        measurements.within(format!("{scale:.3e}"), light_maps_apart(&plain, &found, 1.0), OTHER_DEPTHS);
     }
     Ok(())
 }
 
-fn moved(distance: f64) -> Placement {
-    Placement { offset: DVec3::new(0.7, -0.5, 0.6) * distance, ..Placement::PLAIN }
+fn moved(distance: f64) -> WorldPlace {
+    WorldPlace { offset: DVec3::new(0.7, -0.5, 0.6) * distance, ..WorldPlace::PLAIN }
 }
 
-fn light_map_from_afar(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn light_map_from_afar(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for basis in BASES {
-        let plain = random_light_map(2, 200, basis, 0.5, &Placement::PLAIN)?;
+        let plain = random_light_map(2, 200, basis, 0.5, &WorldPlace::PLAIN)?;
         for distance in setting.some(&DISTANCES) {
             let rows = random_light_map(2, 200, basis, 0.5, &moved(distance))?;
             let difference = apart(&plain, &setting.tested(&rows));
             // Texels of both maps are about a tenth of a metre.
             let bound = 16.0 * f64::EPSILON * (distance + 1.0) / 0.1;
-            samples.within(format!("{basis:?}, {distance:e} m"), difference, bound);
+            measurements.within(format!("{basis:?}, {distance:e} m"), difference, bound);
         }
     }
     Ok(())
 }
 
-fn volume_from_afar(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn volume_from_afar(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for basis in INTERPOLATIONS {
-        let plain = emission(basis, &Placement::PLAIN)?;
+        let plain = emission(basis, &WorldPlace::PLAIN)?;
         for distance in setting.some(&DISTANCES) {
             let rows = emission(basis, &moved(distance))?;
             let difference = apart(&plain, &setting.tested(&rows));
             let bound = 16.0 * f64::EPSILON * (distance + 1.0) / 0.1;
-            samples.within(format!("{basis:?}, {distance:e} m"), difference, bound);
+            measurements.within(format!("{basis:?}, {distance:e} m"), difference, bound);
         }
     }
     Ok(())
 }
 
-fn whole_scene_from_afar(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn whole_scene_from_afar(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let plain = plain_light_map()?;
     for distance in setting.some(&DISTANCES) {
         let found = light_map_of(setting, &Hall { place: moved(distance), ..Hall::PLAIN })?;
-        samples.within(format!("{distance:e} m"), light_maps_apart(&plain, &found, 1.0), OTHER_DEPTHS);
+        measurements.within(format!("{distance:e} m"), light_maps_apart(&plain, &found, 1.0), OTHER_DEPTHS);
     }
     Ok(())
 }
 
-fn product(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn product(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for basis in BASES {
-        let rows = random_light_map(2, 400, basis, 0.5, &Placement::PLAIN)?;
+        let rows = random_light_map(2, 400, basis, 0.5, &WorldPlace::PLAIN)?;
         let plan = WalkPlan::new::<1>(&setting.tested(&rows));
         let right =
             HostOperator::<_, f32>::new(Setting::RIGHT.tested(&rows), true, &plan, Strategy::Auto, u64::MAX)?;
         let tested =
             HostOperator::<_, f32>::new(setting.tested(&rows), true, &plan, Strategy::Auto, u64::MAX)?;
-        let mut n = Numbers(9);
+        let mut n = RandomNumbers(9);
         let elements = rows.transport().light_map.len();
         let x: Vec<Rgb> =
             (0..elements).map(|_| std::array::from_fn(|_| n.uniform(0.5, 2.0) as f32)).collect();
@@ -222,37 +222,41 @@ fn product(setting: &Setting, samples: &mut Samples) -> Result<()> {
         for radiance in setting.some(&RADIANCES) {
             let lit: Vec<Rgb> = x.iter().map(|x| x.map(|x| (f64::from(x) * radiance) as f32)).collect();
             let difference = light_maps_apart(&shown, &tested.shown(&lit)?, radiance);
-            samples.within(format!("{basis:?}, {radiance:.3e}"), difference, unless_exact(radiance, ROUNDED));
+            measurements.within(
+                format!("{basis:?}, {radiance:.3e}"),
+                difference,
+                unless_exact(radiance, ROUNDED),
+            );
         }
     }
     Ok(())
 }
 
-fn radiance_of_light_map(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn radiance_of_light_map(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let plain = plain_light_map()?;
     for factor in setting.some(&RADIANCES) {
         let radiance = (f64::from(Hall::PLAIN.radiance) * factor) as f32;
         let found = light_map_of(setting, &Hall { radiance, ..Hall::PLAIN })?;
         let difference = light_maps_apart(&plain, &found, factor);
-        samples.within(format!("{factor:.3e}"), difference, unless_exact(factor, SAME_SOLUTION));
+        measurements.within(format!("{factor:.3e}"), difference, unless_exact(factor, SAME_SOLUTION));
     }
     Ok(())
 }
 
-fn radiance_of_albedo(setting: &Setting, samples: &mut Samples) -> Result<()> {
-    let rays = random_rays(&mut Numbers(5), 200, &Placement::PLAIN);
+fn radiance_of_albedo(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
+    let rays = random_rays(&mut RandomNumbers(5), 200, &WorldPlace::PLAIN);
     for depth in setting.some(&[1.0, 1e-4, 1e-8]) {
         for radiance in setting.some(&RADIANCES) {
-            let grid = cube([18, 11, 9], &Placement::PLAIN)?;
+            let grid = cube([18, 11, 9], &WorldPlace::PLAIN)?;
             let light = Arc::new(Volume::constant(grid, [radiance as f32; 3])?);
             let light = InScattering::new(vec![LitVolume { along: None, radiance: light }]);
-            let density = random_density(11, depth, &Placement::PLAIN)?;
+            let density = random_density(11, depth, &WorldPlace::PLAIN)?;
             let quantity = Quantity::Albedo(Arc::new(light));
             let rows = volume_rows(density, quantity, Interpolation::Nearest, &rays)?;
             let place = format!("depth {depth:e}, light {radiance:.3e}");
             match Question::answered_by(&rows, 1e-4)?.solved(setting, &rows) {
-                Err(error @ Error::Empty { .. }) => samples.must(format!("{place}: {error}"), true),
-                answer => certificate(samples, &place, &answer?, 1e-4),
+                Err(error @ Error::Empty { .. }) => measurements.must(format!("{place}: {error}"), true),
+                answer => certificate(measurements, &place, &answer?, 1e-4),
             }
         }
     }

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::case::{Case, Samples, Setting};
+use super::case::{Case, Measurements, Setting};
 use super::hall::{Hall, problem};
-use super::rows::{BASES, Placement, apart, light_map_rows, relative, row_sum, texels, view_ray, worse};
+use super::rows::{BASES, WorldPlace, apart, light_map_rows, relative, row_sum, texels, view_ray, worse};
 use crate::Result;
 use crate::march::{LightMapTraversal, ViewRay};
 use crate::scene::Basis;
@@ -49,7 +49,7 @@ fn under(
     basis: Basis,
     rays: Vec<ViewRay>,
 ) -> Result<LightMapTraversal> {
-    let grid = texels([-2.0; 2], [2.0; 2], [SIDE; 2], &Placement::PLAIN)?;
+    let grid = texels([-2.0; 2], [2.0; 2], [SIDE; 2], &WorldPlace::PLAIN)?;
     let depths: Vec<f32> = (0..SIDE * SIDE).map(depth).collect();
     Ok(light_map_rows(grid, ShadowMap::new(grid, depth_origin, &depths)?, [SIGMA_T; 3], basis, rays))
 }
@@ -63,7 +63,7 @@ fn worst(setting: &Setting, rows: &LightMapTraversal, truth: impl Fn(&ViewRay) -
     rows.rays().iter().enumerate().map(error).fold(0.0, worse)
 }
 
-fn ties(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn ties(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let directions = [DVec3::X, DVec3::NEG_Y, DVec3::new(1.0, 1.0, 0.0), DVec3::new(-0.3, 0.8, 0.0)];
     let all = -(-SIGMA_T * 1.75f64).exp_m1();
     for basis in BASES {
@@ -78,14 +78,14 @@ fn ties(setting: &Setting, samples: &mut Samples) -> Result<()> {
                 let ray = |direction| view_ray(DVec3::new(0.0, 0.0, depth), direction, 1.75);
                 let rows = under(|_| stored, depth_origin, basis, directions.map(ray).to_vec())?;
                 let place = format!("{basis:?}, {name}, {stored} + {depth_origin}");
-                samples.within(place, worst(setting, &rows, |_| lit), EXACT);
+                measurements.within(place, worst(setting, &rows, |_| lit), EXACT);
             }
         }
     }
     Ok(())
 }
 
-fn tied_texels(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn tied_texels(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for basis in BASES {
         for stored in setting.some(&[0.5f32, 1.0, 1.0 / 3.0]) {
             let depth = |index: usize| if index.is_multiple_of(2) { stored } else { stored.next_down() };
@@ -97,13 +97,13 @@ fn tied_texels(setting: &Setting, samples: &mut Samples) -> Result<()> {
             let texel = 1.0 / 16.0;
             let lit = |k: usize| (-SIGMA_T * texel * 2.0 * k as f64).exp() * -(-SIGMA_T * texel).exp_m1();
             let truth: f64 = (0..SIDE / 2).map(lit).sum();
-            samples.within(format!("{basis:?}, {stored}"), worst(setting, &rows, |_| truth), EXACT);
+            measurements.within(format!("{basis:?}, {stored}"), worst(setting, &rows, |_| truth), EXACT);
         }
     }
     Ok(())
 }
 
-fn grazing(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn grazing(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for basis in BASES {
         for angle in setting.some(&[1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-15]) {
             let rays = [1.0, -1.0].into_iter().flat_map(|side: f64| {
@@ -118,18 +118,18 @@ fn grazing(setting: &Setting, samples: &mut Samples) -> Result<()> {
                 let [a, b] = if ray.direction.z > 0.0 { [0.0, meets] } else { [meets, LENGTH] };
                 (-SIGMA_T * a).exp() * -(-SIGMA_T * (b - a)).exp_m1()
             };
-            samples.within(format!("{basis:?}, angle {angle:e}"), worst(setting, &rows, truth), EXACT);
+            measurements.within(format!("{basis:?}, angle {angle:e}"), worst(setting, &rows, truth), EXACT);
         }
     }
     Ok(())
 }
 
-fn coplanar(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn coplanar(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let (_, once) = problem(&Hall::PLAIN)?;
     for copies in [2, 3, 5] {
         let (_, often) = problem(&Hall { copies, ..Hall::PLAIN })?;
         let difference = apart(&once.traversal, &setting.tested(&often.traversal));
-        samples.within(format!("{copies} times"), difference, 0.0);
+        measurements.within(format!("{copies} times"), difference, 0.0);
     }
     Ok(())
 }

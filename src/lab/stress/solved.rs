@@ -1,7 +1,7 @@
 //! Problems of rows in f32, solved as the command solves them, and judged by the explicit matrix in f64.
 
-use super::case::{Samples, Setting};
-use super::rows::{Numbers, Walked, worse};
+use super::case::{Measurements, Setting};
+use super::rows::{AnyRows, RandomNumbers, worse};
 use crate::Result;
 use crate::cpu::HostOperator;
 use crate::operator::{CpuVector, LinearOperator, TransportOperator, Vector, WalkPlan};
@@ -39,9 +39,9 @@ pub(super) struct Answer {
 
 impl Question {
     /// Which elements show what these rows would show of some that are drawn by lot, from 0.5 to 2.
-    pub(super) fn answered_by(rows: &dyn Walked, tolerance: f64) -> Result<Self> {
+    pub(super) fn answered_by(rows: &dyn AnyRows, tolerance: f64) -> Result<Self> {
         let matrix = ExplicitMatrix::new::<1>(&Setting::RIGHT.tested(rows), u64::MAX)?;
-        let mut n = Numbers(1);
+        let mut n = RandomNumbers(1);
         let (mut x, mut shown) = (matrix.domain(), matrix.range());
         x.0.iter_mut().for_each(|x| *x = std::array::from_fn(|_| n.uniform(0.5, 2.0)));
         matrix.apply(&x, &mut shown)?;
@@ -68,7 +68,7 @@ impl Question {
     }
 
     /// Solves it with rows that should be those of the matrix.
-    pub(super) fn solved(&self, setting: &Setting, rows: &dyn Walked) -> Result<Answer> {
+    pub(super) fn solved(&self, setting: &Setting, rows: &dyn AnyRows) -> Result<Answer> {
         let tested = setting.tested(rows);
         let plan = WalkPlan::new::<1>(&tested);
         let operator = HostOperator::<_, f32>::new(tested, true, &plan, Strategy::Auto, u64::MAX)?;
@@ -151,12 +151,12 @@ impl Answer {
 }
 
 /// The law of every solve: what it claims is true, and what is called converged is.
-pub(super) fn certificate(samples: &mut Samples, place: &str, answer: &Answer, tolerance: f64) {
+pub(super) fn certificate(measurements: &mut Measurements, place: &str, answer: &Answer, tolerance: f64) {
     let place = format!("{place}, {}", answer.ending());
     let finite = answer.solved.x.iter().flatten().all(|value| value.is_finite());
     let difference = if finite { (answer.truth - answer.claimed).abs() } else { f64::NAN };
-    samples.within(&place, difference, AGAINST_EXPLICIT);
+    measurements.within(&place, difference, AGAINST_EXPLICIT);
     if answer.solved.outcome.stop.reason == StopReason::Tolerance {
-        samples.within(place, answer.truth, PARTED * tolerance + AGAINST_EXPLICIT);
+        measurements.within(place, answer.truth, PARTED * tolerance + AGAINST_EXPLICIT);
     }
 }

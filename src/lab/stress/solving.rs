@@ -2,9 +2,9 @@
 
 use nalgebra::DMatrix;
 
-use super::case::{Case, Samples, Setting};
-use super::dense::{Ended, Listed, Problem, channel, colors, conditioned, image, random};
-use super::rows::{Numbers, Placement, random_light_map, relative, worse};
+use super::case::{Case, Measurements, Setting};
+use super::dense::{DenseProblem, Ended, Listed, channel, colors, conditioned, image, random};
+use super::rows::{RandomNumbers, WorldPlace, random_light_map, relative, worse};
 use super::solved::{Question, certificate};
 use crate::march::{LightMapTraversal, Traversal, Weight};
 use crate::operator::{Bounds, CpuVector, LinearOperator};
@@ -72,48 +72,48 @@ fn place(name: SolverName, ended: &Ended) -> String {
 }
 
 /// What a method in f64 claims is true, and what is called converged is.
-fn honest(samples: &mut Samples, place: &str, ended: &Ended, tolerance: f64) {
+fn honest(measurements: &mut Measurements, place: &str, ended: &Ended, tolerance: f64) {
     let slack = ended.rounding + 1e-12 * ended.truth;
-    samples.within(place, (ended.truth - ended.claimed).abs(), slack);
+    measurements.within(place, (ended.truth - ended.claimed).abs(), slack);
     if ended.outcome.stop.reason == StopReason::Tolerance {
-        samples.within(place, ended.truth, 1.5 * tolerance + slack);
+        measurements.within(place, ended.truth, 1.5 * tolerance + slack);
     }
 }
 
-fn condition(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn condition(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let iterations = if setting.quick { 200 } else { 2000 };
     for condition in setting.some(&CONDITIONS) {
         let matrix = conditioned(24, 16, condition, 5);
         let b = image(&matrix, &colors(16, 9));
-        let problem = Problem { matrix, b, x0: vec![[1.0; 3]; 16], bounds: Bounds::NOT_NEGATIVE };
+        let problem = DenseProblem { matrix, b, x0: vec![[1.0; 3]; 16], bounds: Bounds::NOT_NEGATIVE };
         for name in SolverName::ALL {
             let ended = match problem.run(setting, name, &Limits::new(iterations, 1e-10)) {
                 // The papers' variant may diverge (docs/solvers.md); then it must say so.
                 Err(error @ Error::NonFinite { .. }) if name == SolverName::ClampedCgls => {
-                    samples.must(format!("condition {condition:e}, {}, {error}", name.name()), true);
+                    measurements.must(format!("condition {condition:e}, {}, {error}", name.name()), true);
                     continue;
                 }
                 ended => ended?,
             };
             let place = format!("condition {condition:e}, {}", place(name, &ended));
-            honest(samples, &place, &ended, 1e-10);
+            honest(measurements, &place, &ended, 1e-10);
             if name != SolverName::ClampedCgls {
                 let farther =
                     |c: usize| problem.residual(&ended.x, c) / problem.residual(&problem.x0, c) - 1.0;
-                samples.within(place, (0..3).map(farther).fold(0.0, worse), ended.rounding);
+                measurements.within(place, (0..3).map(farther).fold(0.0, worse), ended.rounding);
             }
         }
     }
     Ok(())
 }
 
-fn rank_deficient(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn rank_deficient(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     for (rows, columns, rank) in setting.some(&[(20, 12, 6), (6, 15, 6), (9, 9, 1), (12, 12, 11)]) {
         let matrix = random(rows, rank, 3) * random(rank, columns, 4);
         let mut b = image(&matrix, &colors(columns, 8));
         // What lies outside the range must not matter.
         b.iter_mut().zip(colors(rows, 2)).for_each(|(b, other)| (0..3).for_each(|c| b[c] += 0.1 * other[c]));
-        let problem = Problem { matrix, b, x0: colors(columns, 6), bounds: Bounds::NONE };
+        let problem = DenseProblem { matrix, b, x0: colors(columns, 6), bounds: Bounds::NONE };
         let factors = problem.matrix.clone().svd(true, true);
         let largest = factors.singular_values.max();
         let cut = 1e-10 * largest;
@@ -129,14 +129,18 @@ fn rank_deficient(setting: &Setting, samples: &mut Samples) -> Result<()> {
                 error = worse(error, (channel(&ended.x, c) - (x0 + step)).norm());
                 bound = bound.max((ended.claimed + ended.rounding) * ended.at_start[c] / least.powi(2));
             }
-            samples.within(format!("{rows} x {columns}, rank {rank}, {}", place(name, &ended)), error, bound);
+            measurements.within(
+                format!("{rows} x {columns}, rank {rank}, {}", place(name, &ended)),
+                error,
+                bound,
+            );
         }
     }
     Ok(())
 }
 
-fn unreached(setting: &Setting, samples: &mut Samples) -> Result<()> {
-    let mut n = Numbers(17);
+fn unreached(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
+    let mut n = RandomNumbers(17);
     let mut matrix = DMatrix::from_fn(40, 24, |_, _| n.uniform(0.0, 1.0));
     [3, 11, 23].into_iter().for_each(|column| matrix.column_mut(column).fill(0.0));
     let same = matrix.column(5).into_owned();
@@ -146,22 +150,22 @@ fn unreached(setting: &Setting, samples: &mut Samples) -> Result<()> {
         let question = Question::answered_by(&rows, 1e-6)?.by(name);
         let answer = question.solved(setting, &rows)?;
         let (x, place) = (&answer.solved.x, format!("{}, {}", name.name(), answer.ending()));
-        samples.must(&place, [3, 11, 23].into_iter().all(|element: usize| x[element] == question.start));
-        samples.must(&place, answer.solved.columns.len() == 21);
+        measurements.must(&place, [3, 11, 23].into_iter().all(|element: usize| x[element] == question.start));
+        measurements.must(&place, answer.solved.columns.len() == 21);
         let gap = (0..3).map(|c| f64::from(x[5][c] - x[17][c]).abs()).fold(0.0, worse);
-        samples.within(&place, gap, 2.0 * answer.reach());
-        certificate(samples, name.name(), &answer, 1e-6);
+        measurements.within(&place, gap, 2.0 * answer.reach());
+        certificate(measurements, name.name(), &answer, 1e-6);
     }
     Ok(())
 }
 
-fn inconsistent(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn inconsistent(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let matrix = random(30, 8, 21);
     let b: Vec<[f64; 3]> = {
-        let mut n = Numbers(22);
+        let mut n = RandomNumbers(22);
         (0..30).map(|_| std::array::from_fn(|_| n.uniform(-1.0, 1.0))).collect()
     };
-    let problem = Problem { matrix, b, x0: vec![[1.0; 3]; 8], bounds: Bounds::NOT_NEGATIVE };
+    let problem = DenseProblem { matrix, b, x0: vec![[1.0; 3]; 8], bounds: Bounds::NOT_NEGATIVE };
     let least = problem.matrix.singular_values().min();
     for name in SolverName::ALL {
         let ended = problem.run(setting, name, &Limits::new(1000, 1e-8))?;
@@ -170,14 +174,14 @@ fn inconsistent(setting: &Setting, samples: &mut Samples) -> Result<()> {
             let excess = problem.residual(&ended.x, c).powi(2) - truth;
             let allowed = ((ended.claimed + ended.rounding) * ended.at_start[c] / least).powi(2);
             // Below the least there is nothing but rounding.
-            samples.within(place(name, &ended), excess.abs() / truth, allowed / truth + 1e-13);
+            measurements.within(place(name, &ended), excess.abs() / truth, allowed / truth + 1e-13);
         }
     }
     Ok(())
 }
 
 /// The least ‖b − A x‖ of a channel, by factorization; with x ≥ 0 over all choices of which elements are not zero.
-fn least_residual(problem: &Problem, c: usize, not_negative: bool) -> f64 {
+fn least_residual(problem: &DenseProblem, c: usize, not_negative: bool) -> f64 {
     let (columns, b) = (problem.matrix.ncols(), channel(&problem.b, c));
     let everything = (1usize << columns) - 1;
     let choices = if not_negative { 0..=everything } else { everything..=everything };
@@ -196,12 +200,12 @@ fn least_residual(problem: &Problem, c: usize, not_negative: bool) -> f64 {
 
 /// Rows that reach everything from many sides.
 fn light_map() -> Result<LightMapTraversal> {
-    random_light_map(4, 500, Basis::Bilinear, 0.5, &Placement::PLAIN)
+    random_light_map(4, 500, Basis::Bilinear, 0.5, &WorldPlace::PLAIN)
 }
 
-fn noise(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn noise(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     const NOISE: f64 = 0.05;
-    let (rows, mut n) = (light_map()?, Numbers(31));
+    let (rows, mut n) = (light_map()?, RandomNumbers(31));
     for name in SolverName::ALL.into_iter().filter(|name| *name != SolverName::ClampedCgls) {
         let mut question = Question::answered_by(&rows, 1e-9)?.by(name).pulled(1e-6);
         question.settings.noise = Some(NOISE);
@@ -222,9 +226,9 @@ fn noise(setting: &Setting, samples: &mut Samples) -> Result<()> {
             (square / pairs().map(|(_, b)| f64::from(b[c]).powi(2)).sum::<f64>()).sqrt()
         };
         let missed = (0..3).map(missed).fold(0.0, worse);
-        samples.must(&place, answer.solved.outcome.stop.reason == StopReason::Discrepancy);
-        samples.within(place, missed, NOISE * 1.5f64.sqrt());
-        certificate(samples, name.name(), &answer, 1e-9);
+        measurements.must(&place, answer.solved.outcome.stop.reason == StopReason::Discrepancy);
+        measurements.within(place, missed, NOISE * 1.5f64.sqrt());
+        certificate(measurements, name.name(), &answer, 1e-9);
     }
     Ok(())
 }
@@ -250,7 +254,7 @@ impl<const C: usize> Traversal<f64, C> for Repeated<'_> {
     }
 }
 
-fn repeated_views(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn repeated_views(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let rows = light_map()?;
     let again = Repeated { rows: &rows, times: 7 };
     for name in SolverName::ALL.into_iter().filter(|name| *name != SolverName::ClampedCgls) {
@@ -264,13 +268,13 @@ fn repeated_views(setting: &Setting, samples: &mut Samples) -> Result<()> {
         let pairs = once.solved.x.iter().flatten().zip(often.solved.x.iter().flatten());
         let gap = pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
         let place = format!("{}, {}", name.name(), often.ending());
-        samples.within(place, gap, once.reach() + often.reach());
-        certificate(samples, name.name(), &often, 1e-6);
+        measurements.within(place, gap, once.reach() + often.reach());
+        certificate(measurements, name.name(), &often, 1e-6);
     }
     Ok(())
 }
 
-fn nothing_to_do(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn nothing_to_do(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let zero = DMatrix::zeros(7, 5);
     let matrix = random(12, 5, 1);
     let x0 = colors(5, 2);
@@ -282,20 +286,20 @@ fn nothing_to_do(setting: &Setting, samples: &mut Samples) -> Result<()> {
         ("a zero matrix", &zero, colors(7, 3), x0),
     ];
     for (what, matrix, b, x0) in problems {
-        let problem = Problem { matrix: matrix.clone(), b, x0, bounds: Bounds::NOT_NEGATIVE };
+        let problem = DenseProblem { matrix: matrix.clone(), b, x0, bounds: Bounds::NOT_NEGATIVE };
         for name in SolverName::ALL {
             let ended = problem.run(setting, name, &Limits::new(100, 1e-6))?;
             let place = format!("{what}, {}", place(name, &ended));
-            samples.must(&place, ended.outcome.stop.reason == StopReason::Tolerance);
+            measurements.must(&place, ended.outcome.stop.reason == StopReason::Tolerance);
             let pairs = ended.x.iter().flatten().zip(problem.x0.iter().flatten());
             let moved = pairs.map(|(x, x0)| relative(*x, *x0)).fold(0.0, worse);
-            samples.within(place, moved, 0.0);
+            measurements.within(place, moved, 0.0);
         }
     }
     Ok(())
 }
 
-fn not_a_number(setting: &Setting, samples: &mut Samples) -> Result<()> {
+fn not_a_number(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
     let rows = light_map()?;
     for wrong in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         // What is right must not be refused: so the sabotage of a refusal is to give it what is right.
@@ -305,7 +309,7 @@ fn not_a_number(setting: &Setting, samples: &mut Samples) -> Result<()> {
             question.targets[7][1] = value;
             let answer = question.solved(setting, &rows);
             let place = format!("{wrong}, {}", name.name());
-            samples.refused(place, answer, |error| matches!(error, Error::NonFinite { .. }));
+            measurements.refused(place, answer, |error| matches!(error, Error::NonFinite { .. }));
         }
     }
     Ok(())
