@@ -30,7 +30,7 @@ pub(super) fn of_plan(plan: &Plan) -> String {
         bytes => format!(", {} of it for what rays meet", mebibytes(bytes)),
     };
     format!(
-        "{}, {}: {} views, {} pixels\n\
+        "{}, {}: {}, {} pixels\n\
          rows        {} pixels of which something is wanted\n\
          unknowns    {} of {} {} at most, of which those that a row reaches are solved for{around}\n\
          non-zeros   about {}\n\
@@ -40,7 +40,7 @@ pub(super) fn of_plan(plan: &Plan) -> String {
          time        {:.2} s to set up, then about {iteration:.3} s an iteration: at most {:.1} s for {} iterations",
         plan.scene,
         plan.find,
-        plan.views,
+        counted(plan.views as u64, "view"),
         plan.pixels,
         plan.rows,
         plan.unknowns - plan.surrounding_unknowns,
@@ -93,7 +93,7 @@ pub(super) fn of_report(report: &Report, folder: &Path) -> String {
         let spread: u64 = animation.keys.iter().map(|key| key.spread_voxels).sum();
         let filled = if spread > 0 { format!("; diffusion filled {spread} voxels") } else { String::new() };
         let AnimationRecord { frames, drawn, keys, .. } = animation;
-        lines.push(format!("{drawn} of {frames} frames from {} keys{filled}", keys.len()));
+        lines.push(format!("{drawn} of {frames} frames from {}{filled}", counted(keys.len() as u64, "key")));
     }
     lines.push(format!("results in {}", folder.join("report.html").display()));
     lines.join("\n")
@@ -101,9 +101,19 @@ pub(super) fn of_report(report: &Report, folder: &Path) -> String {
 
 fn of_size(size: &ProblemSize, pixel: &str) -> String {
     format!(
-        "{} {pixel}s in {} views, {} of {} {} reached, {} non-zeros",
-        size.rows, size.views, size.active_unknowns, size.unknowns, size.elements, size.nonzeros
+        "{} in {}, {} of {} {} reached, {} non-zeros",
+        counted(size.rows, pixel),
+        counted(size.views, "view"),
+        size.active_unknowns,
+        size.unknowns,
+        size.elements,
+        size.nonzeros
     )
+}
+
+/// A count and its noun: `1 view`, `3 views`.
+fn counted(n: u64, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
 }
 
 fn residual(Change { before, after }: &Change) -> String {
@@ -112,10 +122,10 @@ fn residual(Change { before, after }: &Change) -> String {
 
 fn ended(change: &Change, certificate: &Certificate, stop: &StopRecord) -> String {
     format!(
-        "{}, gradient at {:.1e} of its start after {} iterations ({})",
+        "{}, gradient at {:.1e} of its start after {} ({})",
         residual(change),
         certificate.value.iter().copied().fold(0.0, f64::max),
-        stop.iteration,
+        counted(stop.iteration, "iteration"),
         stop.reason
     )
 }
