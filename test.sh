@@ -55,7 +55,7 @@ if ! has_openvdb && command -v apt-get >/dev/null; then
 fi
 
 say "tests"
-cargo test --locked --release --lib --bins --test suite -- --skip vdb_peer "${ignored[@]}"
+cargo test --locked --release --lib --bins --test march --test suite -- --skip vdb_peer "${ignored[@]}"
 if has_openvdb; then
   cargo test --locked --release --test suite -- --include-ignored vdb_peer
 else
@@ -73,7 +73,7 @@ if has_adapter; then
 fi
 
 say "tests without the GPU backend"
-cargo test --locked --release --no-default-features --features cli --lib --bins --test suite
+cargo test --locked --release --no-default-features --features cli --lib --bins --test march --test suite
 
 say "the library alone"
 cargo clippy --locked --release --lib --no-default-features -- -D warnings

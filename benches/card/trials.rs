@@ -36,7 +36,7 @@ const TINY: &[Demo] =
     &[demo("tiny light map", "light-map", &[]), demo("tiny volume", "volume", &["--turntable", "0"])];
 const TINY_SCENES: [&str; 2] = [include_str!("tiny_light_map.json"), include_str!("tiny_volume.json")];
 
-/// How far a light map of an adapter may be from that of the processor (tests/suite/tolerances.rs).
+/// How far a light map of an adapter may be from that of the processor (tests/tolerances.rs).
 const LIGHT_MAP: f64 = 1e-3;
 
 /// A fault that `UNSCATTER_FAULT` brings about, and the seconds within which both backends must be done with it.

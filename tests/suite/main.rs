@@ -1,4 +1,4 @@
-//! The tests of the library and the command, in one binary.
+//! The tests of the library and the command, in one binary; those of the traversals alone are in `tests/march/`.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -28,10 +28,12 @@ mod solve;
 mod split_rows;
 mod surroundings;
 mod threads;
+#[path = "../tolerances.rs"]
 mod tolerances;
-mod traversal;
 mod vdb_peer;
 mod volume;
+#[path = "../volumes/mod.rs"]
+mod volumes;
 
 use std::path::PathBuf;
 

@@ -3,9 +3,13 @@
 //! Where n = n₀ + a y and a ray starts along x at y = 0, n cos θ is kept (Snell), so that dy/dx = √(n²/n₀² − 1) and
 //! n = n₀ cosh(a x / n₀): a catenary, of length s = n₀/a sinh(a x / n₀).
 
-use unscatter::march::Refraction;
+use std::sync::Arc;
 
-use super::*;
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use unscatter::march::{Quantity, Refraction, VolumeTraversal};
+use unscatter::scene::{Interpolation, Ray, Samples, Volume, VoxelGrid};
+
+use crate::volumes::*;
 
 const INDEX: f64 = 1.2;
 const SLOPE: f64 = 0.4;

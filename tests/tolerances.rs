@@ -1,4 +1,5 @@
 //! The tolerances of the tests, each with its reason.
+#![allow(dead_code, unused_imports, reason = "each binary of tests takes what it needs")]
 
 /// `T x` in f32 against the explicit matrix in f64: weights and results are rounded to 24 bits, and a texel's
 /// sum of a few hundred terms loses up to a few more.
