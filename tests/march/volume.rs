@@ -6,8 +6,8 @@ use glam::{DAffine3, DVec3};
 use unscatter::march::{InScattering, LitVolume, Quantity, VolumeTransport, VolumeTraversal};
 use unscatter::scene::{Interpolation, Quadrature, Ray, Samples, Volume, VoxelGrid};
 
-use crate::tolerances::{VOLUME_CONSTANT, VOLUME_CUBIC, VOLUME_LIGHT};
 use crate::scenes::Numbers;
+use crate::tolerances::{VOLUME_CONSTANT, VOLUME_CUBIC, VOLUME_LIGHT};
 use crate::volumes::*;
 
 /// What a row may differ by, as a part of its sum.
