@@ -27,6 +27,8 @@ pub enum Error {
         problem: String,
         /// The nearest valid name, where one is near.
         suggestion: Option<String>,
+        /// That line with the one before it, where there is one, and the one after it; empty where they are too long to be read.
+        excerpt: String,
     },
 
     /// A value that is outside what it may be; becomes [`Error::Scene`] where its place in a file is known.

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::io::scene_file::Subject;
+use crate::io::scene_file::{MemorySize, Subject, parse_size};
 use crate::io::volume::Format;
 use crate::{Error, Result};
 
@@ -70,8 +70,8 @@ pub(crate) struct SceneArguments {
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub(crate) overrides: Vec<String>,
     /// Memory that may be used, such as 4GiB; three quarters of what is free by default.
-    #[arg(long, value_name = "SIZE")]
-    pub(crate) memory: Option<String>,
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    pub(crate) memory: Option<MemorySize>,
 }
 
 #[derive(Debug, Args)]
@@ -287,6 +287,10 @@ impl AnimateArguments {
     pub(crate) fn formats(&self) -> Result<Vec<Format>> {
         formats(&self.formats)
     }
+}
+
+fn memory_size(text: &str) -> Result<MemorySize, &'static str> {
+    parse_size(text).map(MemorySize).map_err(|_| "a size such as 4GiB, 512MiB or 1000000 bytes")
 }
 
 /// `A..B`, or `A` for one frame.

@@ -25,7 +25,7 @@ pub(super) fn run(arguments: &BenchArguments, manners: &Manners) -> Result<Done>
         folder: arguments.output.clone().unwrap_or_else(|| PathBuf::from("out/bench")),
         stop: Stop::default(),
     };
-    watch_interrupt(&benchmark.stop)?;
+    watch_interrupt(&benchmark.stop, Some(benchmark.folder.clone()))?;
     let mut bar = Bar::new(manners.quiet);
     let (bench, taken) = benchmark.run(&mut bar)?;
     bar.finish();

@@ -8,7 +8,7 @@ use super::args::{
 };
 use super::bar::Bar;
 use super::{Done, FAULT, Manners, watch_interrupt, words};
-use crate::io::scene_file::{Subject, subject};
+use crate::io::scene_file::{SceneFile, Subject};
 use crate::io::to_json;
 use crate::job::{EngineChoice, Job, Options, Scenes, Written};
 use crate::{Error, Result};
@@ -16,20 +16,25 @@ use crate::{Error, Result};
 impl SceneArguments {
     /// Reads the scene, with its overrides and those that flags stand for.
     pub(super) fn open(&self, flags: &[String]) -> Result<Job> {
+        self.job(&SceneFile::read(&self.scene)?, flags)
+    }
+
+    fn job(&self, file: &SceneFile, flags: &[String]) -> Result<Job> {
         let memory = self.memory.iter().map(|size| format!("solve.memory=\"{size}\""));
         let overrides: Vec<String> = self.overrides.iter().chain(flags).cloned().chain(memory).collect();
-        Job::open_with(&self.scene, &overrides)
+        Job::of_file(file, &overrides)
     }
 
     /// As [`Self::open`], for a command that finds the light or the medium of one kind of scene only. The kind comes
     /// first: on the other kind, its flags would be complained about as settings that the scene does not have. What is
     /// wrong in the file itself is told before either.
     fn open_as(&self, wanted: Subject, flags: &[String]) -> Result<Job> {
-        let is = subject(&self.scene)?;
+        let file = SceneFile::read(&self.scene)?;
+        let is = file.subject();
         if is == wanted {
-            return self.open(flags);
+            return self.job(&file, flags);
         }
-        Job::open(&self.scene)?;
+        Job::of_file(&file, &[])?;
         let (given, expected) = match is {
             Subject::LightMap => {
                 ("a scene without `volume`", "one with; light maps are found by `unscatter light-map`")
@@ -49,7 +54,9 @@ impl SceneArguments {
 impl OutputArguments {
     /// Where results go: where it says, else `out/` and the scene's file name.
     pub(super) fn folder(&self, scene: &Path) -> PathBuf {
-        let by_name = || Path::new("out").join(scene.file_stem().unwrap_or_default());
+        // A name of dots alone leads to another folder.
+        let own = scene.file_stem().filter(|stem| stem.as_encoded_bytes().iter().any(|&byte| byte != b'.'));
+        let by_name = || Path::new("out").join(own.unwrap_or("scene".as_ref()));
         self.output.clone().unwrap_or_else(by_name)
     }
 }
@@ -83,7 +90,7 @@ fn solved(
     manners: &Manners,
     mut bar: Bar,
 ) -> Result<Done> {
-    watch_interrupt(&options.stop)?;
+    watch_interrupt(&options.stop, options.folder.clone())?;
     let folder = options.folder.clone().unwrap_or_default();
     bar = bar.with_previews(solve.preview_every);
     let found = job.with(options).solve(&mut bar)?;
@@ -143,7 +150,7 @@ pub(super) fn render(arguments: &RenderArguments, manners: &Manners) -> Result<D
     }
     let folder = arguments.output.folder(&arguments.scene.scene);
     let options = Options { turntable: arguments.turntable as usize, ..Options::default() };
-    watch_interrupt(&options.stop)?;
+    watch_interrupt(&options.stop, Some(folder.clone()))?;
     let drawn = job.with(options).draw(arguments.light_map.as_deref(), folder, &mut bar)?;
     let Some(drawn) = drawn else { return Ok(Done::Interrupted) };
     bar.finish();

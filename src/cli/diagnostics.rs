@@ -4,9 +4,6 @@ use miette::{LabeledSpan, MietteDiagnostic, NamedSource, Report, SourceOffset};
 
 use crate::{Error, Fault};
 
-/// Bytes of a line that a person can still read; longer ones are written by programs, and a column says more than they do.
-const READABLE: usize = 200;
-
 /// What the library calls settings, and what the command says in its place.
 const FLAGS: [(&str, &str); 9] = [
     ("raise solve.memory", "raise --memory"),
@@ -46,10 +43,12 @@ impl Write for Warnings {
 /// Shows an error on standard error; one inside a scene file with the lines around it.
 pub(super) fn show(error: &Error) {
     let report = match error {
-        Error::Scene { file, line, column, path, problem, suggestion } => {
+        Error::Scene { file, line, column, path, problem, suggestion, excerpt } => {
             let help = suggestion.as_ref().map(|name| format!("did you mean `{name}`?"));
             let problem = in_flags(problem);
-            in_file(file, *line, *column, format!("{file}:{line}:{column}: {path}: {problem}"), help)
+            let mut diagnostic = MietteDiagnostic::new(format!("{file}:{line}:{column}: {path}: {problem}"));
+            diagnostic.help = help;
+            in_file(diagnostic, file, excerpt, *line, *column)
         }
         Error::Value { path, value, expected } => {
             let flag =
@@ -69,14 +68,19 @@ fn eprint_report(report: &Report) {
     eprintln!("{report:?}");
 }
 
-fn in_file(file: &str, line: usize, column: usize, message: String, help: Option<String>) -> Report {
-    let mut diagnostic = MietteDiagnostic::new(message);
-    diagnostic.help = help;
-    let Ok(text) = std::fs::read_to_string(file) else { return Report::new(diagnostic) };
-    let mut around = text.lines().skip(line.saturating_sub(2)).take(3);
-    if around.any(|line| line.len() > READABLE) {
+/// The message with the lines of a file that it is about.
+fn in_file(
+    mut diagnostic: MietteDiagnostic,
+    file: &str,
+    excerpt: &str,
+    line: usize,
+    column: usize,
+) -> Report {
+    if excerpt.is_empty() {
         return Report::new(diagnostic);
     }
+    // What is not there are empty lines, so that those that are have their numbers.
+    let text = "\n".repeat(line.saturating_sub(2)) + excerpt;
     let offset = SourceOffset::from_location(&text, line, column);
     diagnostic.labels = Some(vec![LabeledSpan::at_offset(offset.offset(), "here")]);
     Report::new(diagnostic).with_source_code(NamedSource::new(file, text))

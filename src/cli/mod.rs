@@ -12,6 +12,7 @@ mod stress;
 mod words;
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
@@ -19,7 +20,7 @@ use clap::{CommandFactory, Parser};
 use args::{Arguments, Command};
 
 use crate::io::to_json;
-use crate::job::Stop;
+use crate::job::{Stop, sweep};
 use crate::{Error, Fault, Result, io};
 
 /// Exit code where the input is at fault.
@@ -63,14 +64,10 @@ pub fn main() -> ExitCode {
     watch_verbosity(&arguments);
     #[cfg(feature = "gpu")]
     quieten_caught_panics();
-    if let Some(threads) = arguments.threads {
-        // Fails only where a pool exists already, and here none does.
-        let _existing = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
-    }
     let manners = Manners { json: arguments.json, quiet: arguments.quiet };
-    match run(&arguments.command, &manners) {
+    match start_threads(arguments.threads).and_then(|()| run(&arguments.command, &manners)) {
         Ok(Done::Completely) => ExitCode::SUCCESS,
-        Ok(Done::Interrupted) => ExitCode::from(INTERRUPTED as u8),
+        Ok(Done::Interrupted) | Err(Error::Interrupted) => ExitCode::from(INTERRUPTED as u8),
         Ok(Done::Broken) => ExitCode::from(INPUT),
         Err(error) => {
             diagnostics::show(&error);
@@ -80,6 +77,26 @@ pub fn main() -> ExitCode {
             })
         }
     }
+}
+
+/// More threads than any machine of today has processors.
+const MOST_THREADS: usize = 4096;
+
+/// Starts as many threads as the flag says, else `RAYON_NUM_THREADS`, else one for each processor.
+///
+/// Errors: [`Error::Value`] for more than can be meant, [`Error::Machine`] where the system refuses them.
+fn start_threads(asked: Option<u16>) -> Result<()> {
+    const VARIABLE: &str = "RAYON_NUM_THREADS";
+    let from_variable = || std::env::var(VARIABLE).ok().and_then(|text| text.parse::<usize>().ok());
+    let (name, threads) = match asked {
+        Some(threads) => ("--threads", threads.into()),
+        None => (VARIABLE, from_variable().unwrap_or(0)),
+    };
+    if threads > MOST_THREADS {
+        return Err(Error::value(name, threads, "at most 4096"));
+    }
+    let built = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    built.map_err(|error| Error::Machine(format!("cannot start {threads} threads: {error}; ask for fewer")))
 }
 
 /// A panic that is caught and told as an error is not told as a panic, too.
@@ -117,11 +134,12 @@ fn run(command: &Command, manners: &Manners) -> Result<Done> {
     }
 }
 
-/// Lets Ctrl-C end the work in order; a second one ends it at once.
-fn watch_interrupt(stop: &Stop) -> Result<()> {
+/// Lets Ctrl-C end the work in order; a second one ends it at once, without the results that have begun in a folder.
+fn watch_interrupt(stop: &Stop, folder: Option<PathBuf>) -> Result<()> {
     let stop = stop.clone();
     ctrlc::set_handler(move || {
         if stop.ask() {
+            folder.iter().for_each(|folder| sweep(folder));
             std::process::exit(INTERRUPTED);
         }
     })

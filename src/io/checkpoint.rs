@@ -3,13 +3,12 @@
 //! A line of magic, a line of JSON with the lengths, then all numbers as little-endian f64: f32 vectors survive
 //! the way there and back to the last bit.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::write_whole;
+use super::{input, write_whole};
 use crate::{Error, Result};
 
 const MAGIC: &str = "unscatter checkpoint 2";
@@ -60,10 +59,8 @@ impl Checkpoint {
     ///
     /// Errors: [`Error::Checkpoint`] when it is another problem's, or damaged.
     pub fn read(path: &Path, fingerprint: u64) -> Result<Self> {
-        let failed = |source| Error::File { action: "read", path: path.to_owned(), source };
         let wrong = |reason: &str| Error::Checkpoint { path: path.to_owned(), reason: reason.to_owned() };
-        let file = File::open(path).map_err(failed)?;
-        let size = file.metadata().map_err(failed)?.len();
+        let (file, size) = input::open(path)?;
         let mut file = BufReader::new(file.take(size));
         let mut line = |limit: u64| -> Result<String> {
             let mut text = String::new();

@@ -8,6 +8,7 @@ use num_traits::ToBytes;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
+use super::input;
 use super::numbers::{self, Encoding, NumberType};
 use super::whole::{write_whole, write_whole_seekable};
 use crate::scene::Samples;
@@ -60,8 +61,7 @@ where
 /// Errors: [`Error::File`] when it cannot be read; [`Error::Format`] when it is no such array, is in Fortran order, is
 /// shorter than its header says, or holds a value that is not finite as a 32-bit float.
 pub fn read_f32(path: &Path) -> Result<(Vec<usize>, Vec<f32>)> {
-    let file = File::open(path).map_err(file_error("read", path))?;
-    let bytes = file.metadata().map_err(file_error("read", path))?.len();
+    let (file, bytes) = input::open(path)?;
     read_array(&mut BufReader::new(file), bytes).map_err(|fault| match fault {
         ArrayFault::Read(source) if source.kind() == io::ErrorKind::UnexpectedEof => {
             format_error(path, "it ends too early".to_owned())

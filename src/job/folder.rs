@@ -19,12 +19,26 @@ pub(crate) struct Folder {
     making: TempDir,
 }
 
+/// How the names of the folders begin in which this process makes its results.
+fn making_prefix() -> String {
+    format!(".unscatter-{}-", std::process::id())
+}
+
+/// Removes what this process has begun to make in a folder; for one that ends at once. What cannot be removed stays.
+pub(crate) fn sweep(folder: &Path) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    let prefix = making_prefix();
+    for entry in entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix)) {
+        _ = std::fs::remove_dir_all(entry.path());
+    }
+}
+
 impl Folder {
     /// Creates the folder, and makes sure before any work is done that it can be written.
     pub(crate) fn create(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
         std::fs::create_dir_all(&path).map_err(failed("create the folder", &path))?;
-        let making = tempfile::Builder::new().prefix(".unscatter-").tempdir_in(&path);
+        let making = tempfile::Builder::new().prefix(&making_prefix()).tempdir_in(&path);
         let making = making.map_err(failed("write into", &path))?;
         Ok(Self { path, making })
     }

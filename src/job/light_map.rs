@@ -40,7 +40,8 @@ pub(super) fn solve(
     steps: &mut Steps<'_>,
 ) -> Result<FoundLightMap> {
     steps.begin("tracing", None);
-    let problem = trace(scene, engine, options.rasterize)?;
+    let problem = trace(scene, engine, options.rasterize, steps)?;
+    steps.go_on()?;
     let memory = MemoryBudget::of_light_map(scene);
     let settings = memory.settled(scene.solve.clone(), &problem)?;
     let keeper = |folder| Keeper::new(folder, "checkpoint", &settings, &problem);
@@ -140,9 +141,10 @@ impl FoundLightMap {
 
 /// The problem, with surfaces found by rays or by a depth pass.
 ///
-/// Errors: [`Error::Adapter`] for a depth pass without an adapter.
-fn trace(scene: &Scene, engine: &Engine, rasterize: bool) -> Result<LightMapProblem> {
+/// Errors: [`Error::Adapter`] for a depth pass without an adapter; [`Error::Interrupted`].
+fn trace(scene: &Scene, engine: &Engine, rasterize: bool, steps: &Steps<'_>) -> Result<LightMapProblem> {
     let painted = painted(scene)?;
+    steps.go_on()?;
     let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
     if !rasterize {
         return LightMapProblem::of(scene, &geometry, painted, &Traced);

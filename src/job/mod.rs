@@ -33,7 +33,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::io::scene_file::{self, Animated, AnimatedVolume, Document, Resolved, Subject, VolumeDocument};
+use crate::io::scene_file::{
+    Animated, AnimatedVolume, Document, Resolved, SceneFile, Subject, VolumeDocument,
+};
 use crate::io::volume::Format;
 use crate::problem::{fit, render};
 use crate::scene::{Scene, VolumeScene};
@@ -45,7 +47,7 @@ pub(crate) use asked::AskedProblem;
 pub(crate) use compute::device;
 pub(crate) use engine::Engine;
 pub use engine::{Backend, EngineChoice};
-pub(crate) use folder::Folder;
+pub(crate) use folder::{Folder, sweep};
 pub use live::{LiveJob, Preview, Standing};
 pub use machine::{default_budget, free_memory, peak_memory, processor};
 pub use matrix::Exported;
@@ -148,7 +150,7 @@ pub struct Job {
 impl Job {
     /// Reads a scene file.
     ///
-    /// Errors: those of [`scene_file::load`] and its siblings; [`crate::Error::TooLarge`] when what it describes alone exceeds the memory
+    /// Errors: those of [`crate::io::scene_file::load`] and its siblings; [`crate::Error::TooLarge`] when what it describes alone exceeds the memory
     /// that may be used, before any of it is made.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         Self::open_with(path, &[])
@@ -158,22 +160,29 @@ impl Job {
     ///
     /// Errors: as [`Self::open`]; [`crate::Error::Value`] for a path that names nothing.
     pub fn open_with(path: impl AsRef<Path>, overrides: &[String]) -> Result<Self> {
-        let (path, clock) = (path.as_ref(), Instant::now());
-        let (scenes, resolved): (Scenes, Resolved) = match scene_file::subject(path)? {
+        Self::of_file(&SceneFile::read(path)?, overrides)
+    }
+
+    /// From a scene file that was read, with values replaced.
+    ///
+    /// Errors: as [`Self::open_with`].
+    pub fn of_file(file: &SceneFile, overrides: &[String]) -> Result<Self> {
+        let clock = Instant::now();
+        let (scenes, resolved): (Scenes, Resolved) = match file.subject() {
             Subject::LightMap => {
-                let (scene, resolved) = scene_file::open::<Document>(path, overrides)?;
+                let (scene, resolved) = file.open::<Document>(overrides)?;
                 tracing::info!(name = scene.name, views = scene.views.len(), "scene");
                 memory::check_scene(&scene)?;
                 (scene.into(), resolved)
             }
             Subject::Volume => {
-                let (scene, resolved) = scene_file::open::<VolumeDocument>(path, overrides)?;
+                let (scene, resolved) = file.open::<VolumeDocument>(overrides)?;
                 tracing::info!(name = scene.name, views = scene.views.len(), "scene");
                 memory::check_volume(&scene)?;
                 (scene.into(), resolved)
             }
             Subject::Animation => {
-                let (animated, resolved) = scene_file::open::<Animated>(path, overrides)?;
+                let (animated, resolved) = file.open::<Animated>(overrides)?;
                 let keys = &animated.animation.keys;
                 tracing::info!(keys = keys.len(), frames = animated.animation.frames, "animation");
                 memory::check_keys(keys)?;
@@ -299,7 +308,7 @@ fn draw(
     let (mut map, picture) = (scene.light_map.clone(), light_map.map(io::image::read_image).transpose()?);
     if let (Some(path), Some(picture)) = (light_map, &picture) {
         map.size = picture.size();
-        map.extent = Placement::beside(path)?.or(map.extent);
+        map.extent = Placement::beside(path, map.size, &scene.light.frame())?.or(map.extent);
     }
     steps.begin("tracing", None);
     let maps = fit(scene, &map, &Arc::new(Geometry::new(scene.mesh.clone())?))?;

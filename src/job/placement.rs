@@ -1,15 +1,20 @@
 //! Where a light map lies, in a file beside it.
 
-use std::fs::File;
-use std::io::{ErrorKind, Read};
+use std::io::ErrorKind;
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::problem::Maps;
-use crate::scene::Extent;
+use crate::scene::{Extent, LightFrame};
 use crate::{Error, Result, io};
+
+/// What such a file is called.
+const FORMAT: &str = "light map placement";
+
+/// How far apart axes of one and the same light may be: their numbers are written whole, and other programs may have rounded them to f32.
+const SAME_AXIS: f64 = 1e-5;
 
 /// Bytes of a placement at most.
 const LONGEST: u64 = 1 << 16;
@@ -47,24 +52,33 @@ impl Placement {
         io::to_json(self)
     }
 
-    /// The extent that is written beside a light map; none where nothing is.
+    /// The extent that is written beside a light map of so many texels under a light; none where nothing is.
     ///
-    /// Errors: [`Error::File`] when it is there and cannot be read, [`Error::Format`] when it says nothing usable.
-    pub(super) fn beside(light_map: &Path) -> Result<Option<Extent>> {
+    /// Errors: [`Error::File`] when it is there and cannot be read, [`Error::Format`] when it says nothing usable, or is of a light map of
+    /// another size or of a light from elsewhere.
+    pub(super) fn beside(light_map: &Path, size: [usize; 2], frame: &LightFrame) -> Result<Option<Extent>> {
         let path = light_map.with_extension("placement.json");
-        let mut text = String::new();
-        let read = File::open(&path).and_then(|file| file.take(LONGEST).read_to_string(&mut text));
-        match read {
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(source) => return Err(Error::File { action: "read", path, source }),
-            Ok(_) => {}
-        }
-        let unusable =
-            |reason: String| Error::Format { path: path.clone(), format: "light map placement", reason };
+        let text = match io::input::text(&path, LONGEST, FORMAT) {
+            Err(Error::File { source, .. }) if source.kind() == ErrorKind::NotFound => return Ok(None),
+            read => read?,
+        };
+        let unusable = |reason: String| Error::Format { path: path.clone(), format: FORMAT, reason };
         let placement: Self = serde_json::from_str(&text).map_err(|error| unusable(error.to_string()))?;
         let extent = Extent { min: DVec2::from_array(placement.min), max: DVec2::from_array(placement.max) };
         if !extent.has_area() {
             return Err(unusable("min must be below max".to_owned()));
+        }
+        if placement.size != size {
+            let [[w, h], [width, height]] = [placement.size, size];
+            let reason = format!("it is of {w} × {h} texels, and the light map has {width} × {height}");
+            return Err(unusable(reason));
+        }
+        let axes = [placement.u, placement.v, placement.w].map(DVec3::from_array);
+        let own = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| frame.world_from_light(axis));
+        if !axes.iter().zip(own).all(|(axis, own)| axis.distance(own) < SAME_AXIS) {
+            let reason = "its axes are those of a light from another direction than the scene's; \
+                          solve for this light, or render the scene that the light map was found for";
+            return Err(unusable(reason.to_owned()));
         }
         Ok(Some(extent))
     }

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::observer::{Iteration, Observer, Step, Stop, Wish};
 use crate::solve::{Control, Progress};
+use crate::{Error, Result};
 
 /// Seconds of each step, in the order in which they were first taken.
 pub(crate) type Timings = Vec<(String, f64)>;
@@ -48,6 +49,13 @@ impl<'a> Steps<'a> {
     /// Whether somebody wants to stop.
     pub(crate) fn stops(&self) -> bool {
         self.stop.is_asked() || self.observer.stops()
+    }
+
+    /// Between the parts of what is given up when somebody wants to stop.
+    ///
+    /// Errors: [`Error::Interrupted`].
+    pub(crate) fn go_on(&self) -> Result<()> {
+        if self.stops() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
     /// What a solve is told after an iteration.

@@ -15,6 +15,12 @@ const SAMPLES: usize = 4;
 /// How wide the rim of the hardest stroke is, in pixels: what one sample stands for, so that samples do not alias.
 const SHARPEST: f64 = 1.0 / SAMPLES as f64;
 
+/// Pixels along each side of the parts of a picture whose segments are sorted out together.
+const TILE: usize = 16;
+
+/// Of distances, relative: far more than that of f64.
+const ROUNDING: f64 = 1e-9;
+
 /// Beyond this distance in pixels from its centre there is nothing of a pixel.
 const HALF_DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
@@ -29,7 +35,7 @@ const HALF_DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 ///
 /// Errors: [`Error::Shape`] for a layer that is not of the view's size; [`Error::Value`] for a layer or a stroke with
 /// numbers that cannot be, and for a stroke that reaches no pixel.
-/// Cost: the pixels in a stroke's bounding box; bit-identical for any number of threads.
+/// Cost: the pixels of a stroke times the segments that are about as near as the nearest; bit-identical for any number of threads.
 pub fn paint(view: &View) -> Result<RgbaImage> {
     let size = view.camera.size();
     let mut painting = RgbaImage::transparent(size);
@@ -109,56 +115,77 @@ impl<'s> Brush<'s> {
     /// Whether any pixel got a weight that counts.
     fn paint(&self, painting: &mut RgbaImage) -> bool {
         let [width, height] = painting.size();
-        let rows = self.rows(height);
-        let painted = painting.pixels.par_chunks_mut(width).enumerate().skip(rows.start).take(rows.len());
-        painted.map(|(y, row)| self.paint_row(y, row)).reduce(|| false, |any, row| any | row)
+        let [columns, rows] = self.reach([width, height]);
+        let all: Vec<&Segment> = self.segments.iter().collect();
+        let bands = rows.start / TILE..rows.end.div_ceil(TILE);
+        let painted =
+            painting.pixels.par_chunks_mut(width * TILE).enumerate().skip(bands.start).take(bands.len());
+        let paint = |(band, pixels): (usize, &mut [[f32; 4]])| {
+            let mut band = Band { pixels, width, top: band * TILE };
+            self.paint_part(&mut band, columns.clone(), &all)
+        };
+        painted.map(paint).reduce(|| false, |any, part| any | part)
     }
 
-    /// The rows of the picture that it may reach.
-    fn rows(&self, height: usize) -> Range<usize> {
-        let top = self.segments.iter().map(|s| s.from.y.min(s.to.y)).fold(f64::INFINITY, f64::min);
-        let bottom = self.segments.iter().map(|s| s.from.y.max(s.to.y)).fold(f64::NEG_INFINITY, f64::max);
-        pixels_between(top - self.outer, bottom + self.outer, height)
+    /// The columns and rows of the picture that it may reach.
+    fn reach(&self, size: [usize; 2]) -> [Range<usize>; 2] {
+        let ends = || self.segments.iter().flat_map(|segment| [segment.from, segment.to]);
+        let low = ends().fold(DVec2::INFINITY, DVec2::min) - self.outer;
+        let high = ends().fold(DVec2::NEG_INFINITY, DVec2::max) + self.outer;
+        std::array::from_fn(|axis| pixels_between(low[axis], high[axis], size[axis]))
     }
 
-    fn paint_row(&self, y: usize, row: &mut [[f32; 4]]) -> bool {
-        let near: Vec<_> = self
-            .segments
-            .iter()
-            .map(|segment| (segment, segment.columns(y, self.outer, row.len())))
-            .filter(|(_, columns)| !columns.is_empty())
-            .collect();
-        let start = near.iter().map(|(_, columns)| columns.start).min().unwrap_or(0);
-        let end = near.iter().map(|(_, columns)| columns.end).max().unwrap_or(0);
-        let mut distances = vec![f64::INFINITY; end - start];
-        for (segment, columns) in &near {
-            for x in columns.clone() {
-                let distance = &mut distances[x - start];
-                *distance = distance.min(segment.squared_distance(centre(x, y)));
-            }
+    /// Paints some columns of a band; whether any pixel got a weight that counts. Among `near` is the segment that is nearest, of every
+    /// point there.
+    ///
+    /// Parts are halved as long as they are wider than a tile. In each, only those segments stay that can still be the nearest: no point of
+    /// it is farther from its middle than half its diagonal. So a stroke of many segments costs little more than one of a few.
+    fn paint_part(&self, band: &mut Band<'_>, columns: Range<usize>, near: &[&Segment]) -> bool {
+        let size = DVec2::new(columns.len() as f64, band.rows() as f64);
+        let middle = DVec2::new(columns.start as f64, band.top as f64) + 0.5 * size;
+        let half_diagonal = 0.5 * size.length();
+        let distances = near.iter().map(|segment| segment.squared_distance(middle).sqrt());
+        let distances: Vec<f64> = distances.collect();
+        let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
+        if nearest - half_diagonal > self.outer || columns.is_empty() {
+            return false;
+        }
+        if nearest + half_diagonal < self.inner - HALF_DIAGONAL {
+            band.put_over(columns, self.stroke.color, |_, _| self.stroke.opacity);
+            return self.stroke.opacity >= LEAST_WEIGHT;
+        }
+        let farthest = (nearest + 2.0 * half_diagonal) * (1.0 + ROUNDING);
+        let here = near.iter().zip(&distances).filter(|&(_, &distance)| distance <= farthest);
+        let here: Vec<&Segment> = here.map(|(&segment, _)| segment).collect();
+        if columns.len() > TILE {
+            let cut = columns.start + columns.len() / 2;
+            let left = self.paint_part(band, columns.start..cut, &here);
+            return self.paint_part(band, cut..columns.end, &here) | left;
         }
         let mut reaches = false;
-        for (x, squared) in (start..end).zip(distances) {
-            let weight = self.stroke.opacity * self.coverage(&near, x, y, squared.sqrt()) as f32;
-            put_over(&mut row[x], self.stroke.color, weight);
+        band.put_over(columns, self.stroke.color, |x, y| {
+            let weight = self.stroke.opacity * self.coverage(&here, x, y) as f32;
             reaches |= weight >= LEAST_WEIGHT;
-        }
+            weight
+        });
         reaches
     }
 
-    /// Mean over a pixel of what the stroke weighs relative to its opacity; `distance` is that of its centre.
-    fn coverage(&self, near: &[(&Segment, Range<usize>)], x: usize, y: usize, distance: f64) -> f64 {
+    /// Mean over a pixel of what the stroke weighs relative to its opacity.
+    fn coverage(&self, near: &[&Segment], x: usize, y: usize) -> f64 {
+        let distance = |point: DVec2| {
+            let squared = near.iter().map(|segment| segment.squared_distance(point));
+            squared.fold(f64::INFINITY, f64::min).sqrt()
+        };
+        let of_centre = distance(centre(x, y));
         // Elsewhere the weight is linear over the pixel, and its mean is that of the centre.
-        let bends = |at: f64| (distance - at).abs() < HALF_DIAGONAL;
+        let bends = |at: f64| (of_centre - at).abs() < HALF_DIAGONAL;
         if !bends(self.inner) && !bends(self.outer) {
-            return self.weight(distance);
+            return self.weight(of_centre);
         }
-        let here: Vec<_> = near.iter().filter(|(_, columns)| columns.contains(&x)).collect();
         let sample = |index: usize| {
             let [u, v] = [index % SAMPLES, index / SAMPLES].map(|i| (i as f64 + 0.5) / SAMPLES as f64);
-            let point = DVec2::new(x as f64 + u, y as f64 + v);
-            let squared = here.iter().map(|(segment, _)| segment.squared_distance(point));
-            self.weight(squared.fold(f64::INFINITY, f64::min).sqrt())
+            self.weight(distance(DVec2::new(x as f64 + u, y as f64 + v)))
         };
         (0..SAMPLES * SAMPLES).map(sample).sum::<f64>() / (SAMPLES * SAMPLES) as f64
     }
@@ -226,23 +253,33 @@ impl Segment {
         let t = ((point - self.from).dot(along) * self.inverse_squared_length).clamp(0.0, 1.0);
         point.distance_squared(self.from + along * t)
     }
+}
 
-    /// The pixels of row `y` that may be nearer than `reach`.
-    fn columns(&self, y: usize, reach: f64, width: usize) -> Range<usize> {
-        let (low, high) = (y as f64 - reach, y as f64 + 1.0 + reach);
-        let (top, bottom) =
-            if self.from.y <= self.to.y { (self.from, self.to) } else { (self.to, self.from) };
-        if bottom.y < low || top.y > high {
-            return 0..0;
+/// Some rows of a picture.
+struct Band<'p> {
+    pixels: &'p mut [[f32; 4]],
+    width: usize,
+    /// The first of its rows in the picture.
+    top: usize,
+}
+
+impl Band<'_> {
+    fn rows(&self) -> usize {
+        self.pixels.len() / self.width
+    }
+
+    /// Puts a colour over some columns, with the weight that a pixel of the picture has.
+    fn put_over(
+        &mut self,
+        columns: Range<usize>,
+        color: [f32; 3],
+        mut weight: impl FnMut(usize, usize) -> f32,
+    ) {
+        for (y, row) in self.pixels.chunks_mut(self.width).enumerate() {
+            for (x, pixel) in columns.clone().zip(&mut row[columns.clone()]) {
+                put_over(pixel, color, weight(x, self.top + y));
+            }
         }
-        // Only the part between these heights can be near, so a slanted segment does not visit its whole box.
-        let at = |height: f64| {
-            let rise = bottom.y - top.y;
-            let t = if rise > 0.0 { ((height - top.y) / rise).clamp(0.0, 1.0) } else { 0.0 };
-            top.x + (bottom.x - top.x) * t
-        };
-        let ends = if top.y == bottom.y { [top.x, bottom.x] } else { [at(low), at(high)] };
-        pixels_between(ends[0].min(ends[1]) - reach, ends[0].max(ends[1]) + reach, width)
     }
 }
 
@@ -422,6 +459,23 @@ mod tests {
             let mut view = view([8, 8], vec![fine()]);
             view.layers.push(RgbaImage::new(size, vec![pixel; size[0] * size[1]]).unwrap());
             assert!(matches!(paint(&view), Err(Error::Shape { .. } | Error::Value { .. })));
+        }
+    }
+
+    #[test]
+    fn of_many_segments_the_nearest_one_counts_and_far_ones_cost_nothing() {
+        // Wide, soft and in many pieces: a pixel is nearer than the radius to thousands of them.
+        let points: Vec<_> =
+            (0..20_000).map(|i| i as f32 * 0.05).map(|t| [t, 300.0 + 200.0 * (0.02 * t).sin()]).collect();
+        let wide = Stroke { hardness: 0.2, ..stroke(&points, 250.0) };
+        let (painting, brush) =
+            (painted([1000, 600], std::slice::from_ref(&wide)), Brush::new(&wide).unwrap());
+        for index in (0..600_000).step_by(7919) {
+            let from = centre(index % 1000, index / 1000);
+            let squared = brush.segments.iter().map(|segment| segment.squared_distance(from));
+            let distance = squared.fold(f64::INFINITY, f64::min).sqrt();
+            let got = f64::from(painting.pixels[index][3]);
+            assert!((got - brush.weight(distance)).abs() < 2e-3, "{got} at {distance}");
         }
     }
 

@@ -242,8 +242,8 @@ impl<O: LinearOperator> Judge<'_, O> {
                 (self.r.upper_norm_squared()?, 1)
             }
         };
-        for c in 0..3 {
-            history.settled[c] |= data[c] <= noise[c];
+        if data.iter().sum::<f64>() <= noise {
+            history.settled = [true; 3];
         }
         Ok(applications)
     }
@@ -290,11 +290,10 @@ impl<O: LinearOperator> Judge<'_, O> {
 
     /// Whether the residuals computed anew agree that every channel is done, by tolerance or by discrepancy.
     fn confirms(&self, outcome: &Outcome) -> Result<bool> {
-        let data = self.r.upper_norm_squared()?;
-        Ok((0..3).all(|c| {
-            let fits = self.limits.discrepancy.is_some_and(|noise| data[c] <= PARTED * noise[c]);
-            fits || outcome.true_normal_residual[c] <= PARTED * self.limits.tolerance
-        }))
+        let data: f64 = self.r.upper_norm_squared()?.iter().sum();
+        let fits = self.limits.discrepancy.is_some_and(|noise| data <= PARTED * noise);
+        let is_small = |residual: &f64| *residual <= PARTED * self.limits.tolerance;
+        Ok(fits || outcome.true_normal_residual.iter().all(is_small))
     }
 }
 

@@ -12,9 +12,9 @@ pub struct Limits {
     pub tolerance: f64,
     /// Stop after this long.
     pub time: Option<Duration>,
-    /// Morozov's discrepancy principle: stop when ‖b − A x‖² of the data (the uppermost block) has fallen to this, the
+    /// Morozov's discrepancy principle: stop when ‖b − A x‖² of the data (the uppermost block), over all channels, has fallen to this, the
     /// squared norm of the noise in b; to fit it better would be to fit the noise.
-    pub discrepancy: Option<Scalars>,
+    pub discrepancy: Option<f64>,
     /// Whether channels that are done go on with the others.
     pub carry_on: bool,
 }
@@ -36,7 +36,7 @@ impl Limits {
             }
         };
         not_negative("tolerance", self.tolerance)?;
-        self.discrepancy.iter().flatten().try_for_each(|&noise| not_negative("discrepancy", noise))
+        self.discrepancy.map_or(Ok(()), |noise| not_negative("discrepancy", noise))
     }
 }
 
@@ -46,7 +46,7 @@ impl Limits {
 pub enum StopReason {
     /// The normal residual reached the tolerance, and the true residual confirmed it.
     Tolerance,
-    /// The residual reached the noise of the data, in the channels that did not reach the tolerance before.
+    /// The residual reached the noise of the data.
     Discrepancy,
     /// The iteration limit.
     Iterations,

@@ -12,7 +12,7 @@ use crate::io::volume::Stored;
 use crate::io::{image, obj, transforms, volume};
 use crate::scene::{Image, Mesh, Rgb, RgbaImage};
 
-use super::file_name::FileName;
+use super::file_name::{FileName, folder_of};
 use super::gltf_node::GltfNode;
 
 /// Reads files relative to a scene file.
@@ -26,7 +26,7 @@ pub(super) struct Assets {
 impl Assets {
     /// Files beside `scene_file`.
     pub(super) fn beside(scene_file: &Path) -> Self {
-        Self { folder: scene_file.parent().map(Path::to_owned).unwrap_or_default(), scenes: HashMap::new() }
+        Self { folder: folder_of(scene_file), scenes: HashMap::new() }
     }
 
     /// Direction and colour of a glTF sun.

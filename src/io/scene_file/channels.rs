@@ -81,7 +81,7 @@ impl Scale {
 /// A painted colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Paint {
-    /// sRGB with 8 bits a channel, written `"#rrggbb"`.
+    /// sRGB with 8 bits a channel, written `"#rrggbb"` or `"#rgb"`.
     Hex([u8; 3]),
     /// Linear Rec. 709, written `[r, g, b]`.
     Linear([f64; 3]),
@@ -97,9 +97,14 @@ impl Paint {
     }
 
     fn from_hex(text: &str) -> Option<Self> {
-        let digits =
-            text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()))?;
-        let [_, r, g, b] = u32::from_str_radix(digits, 16).ok()?.to_be_bytes();
+        let digits = text.strip_prefix('#').filter(|digits| digits.bytes().all(|b| b.is_ascii_hexdigit()))?;
+        let number = u32::from_str_radix(digits, 16).ok()?;
+        let [_, r, g, b] = match digits.len() {
+            // Each digit stands for two.
+            3 => (0x11 * (number >> 8 << 16 | (number >> 4 & 0xF) << 8 | number & 0xF)).to_be_bytes(),
+            6 => number.to_be_bytes(),
+            _ => return None,
+        };
         Some(Self::Hex([r, g, b]))
     }
 }
@@ -124,7 +129,7 @@ enum Numbers {
 const CHANNELS: OneOrThree = OneOrThree { expecting: "a number or [r, g, b]", one: true };
 const SCALE: OneOrThree = OneOrThree { expecting: "a number or [x, y, z]", one: true };
 const LINEAR: OneOrThree = OneOrThree { expecting: PAINT_EXPECTED, one: false };
-const PAINT_EXPECTED: &str = "an sRGB colour \"#rrggbb\" or linear [r, g, b]";
+const PAINT_EXPECTED: &str = "an sRGB colour \"#rrggbb\" or \"#rgb\", or linear [r, g, b]";
 
 impl OneOrThree {
     fn number<E: serde::de::Error>(&self, value: f64) -> Result<Numbers, E> {
@@ -274,7 +279,7 @@ impl JsonSchema for Paint {
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
             "description": "A painted colour: \"#rrggbb\" in sRGB, or [r, g, b] in linear Rec. 709.",
-            "anyOf": [{ "type": "string", "pattern": "^#[0-9A-Fa-f]{6}$" }, three_numbers()]
+            "anyOf": [{ "type": "string", "pattern": "^#([0-9A-Fa-f]{3}){1,2}$" }, three_numbers()]
         })
     }
 }
@@ -303,12 +308,22 @@ mod tests {
     #[test]
     fn hex_is_srgb_and_numbers_are_linear() {
         assert_eq!(read("\"#Ff8000\""), Ok(Paint::Hex([255, 128, 0])));
+        assert_eq!(read("\"#fA0\""), Ok(Paint::Hex([255, 170, 0])));
         let [r, g, b] = Paint::Hex([255, 128, 0]).rgb("color").unwrap();
         assert!((r, b) == (1.0, 0.0) && (g - 0.215_860_5).abs() < 1e-6, "{g}");
         assert_eq!(Paint::Linear([4.0, 0.5, 0.0]).rgb("color").unwrap(), [4.0, 0.5, 0.0]);
-        for bad in
-            ["\"ff8000\"", "\"#ff80\"", "\"#ff80000\"", "\"#gg0000\"", "\"#ääa\"", "0.5", "[1, 2]", "null"]
-        {
+        for bad in [
+            "\"ff8000\"",
+            "\"#ff80\"",
+            "\"#ff\"",
+            "\"#+ff\"",
+            "\"#ff80000\"",
+            "\"#gg0000\"",
+            "\"#ääa\"",
+            "0.5",
+            "[1, 2]",
+            "null",
+        ] {
             assert!(read::<Paint>(bad).is_err(), "{bad}");
         }
     }

@@ -7,6 +7,7 @@ use std::path::{Component, Path, PathBuf, is_separator};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 
+use crate::io::input;
 use crate::{Error, Result};
 
 /// What the schema calls the format of a string that names a file. Resolved documents find file names by it.
@@ -43,15 +44,18 @@ impl JsonSchema for FileName {
     }
 }
 
+/// The folder that the names in a scene file are relative to: its own; of a pipe the current one.
+pub(super) fn folder_of(scene_file: &Path) -> PathBuf {
+    let own = scene_file.parent().filter(|_| !input::is_stream(scene_file));
+    own.map(Path::to_owned).unwrap_or_default()
+}
+
 impl FileName {
     /// Where the file is, when the scene file lies in `folder`.
     ///
-    /// Errors: [`Error::Value`] for an empty name.
+    /// Errors: [`Error::Value`] for an empty name or an address in the network.
     pub(super) fn in_folder(&self, folder: &Path) -> Result<PathBuf> {
-        if self.0.is_empty() {
-            return Err(Error::value("", "an empty name", "a file, relative to the scene file"));
-        }
-        Ok(folder.join(&self.0))
+        input::named(folder, &self.0)
     }
 
     /// Whether it stands for many files, with a run of `#` for the number.

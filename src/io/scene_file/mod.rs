@@ -15,6 +15,7 @@ mod locate;
 mod map;
 mod medium;
 mod occluder;
+mod opened;
 mod overrides;
 mod path;
 mod read;
@@ -36,6 +37,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
+use crate::io::input::{self, NotUtf8};
 use crate::scene::{Scene, VolumeScene};
 use crate::{Error, Result};
 
@@ -47,6 +49,7 @@ pub use light::Light;
 pub use map::{Basis, Extent, LightMap, MapSize, ShadowMap};
 pub use medium::Medium;
 pub use occluder::{BoxShape, CylinderShape, GltfMesh, ObjMesh, Occluder, PlaneShape, SphereShape};
+pub use opened::SceneFile;
 pub use resolved::Resolved;
 pub use size::{MemorySize, parse_size};
 pub use solve::{MetricName, Quadrature, Skip, Solve, Solver, Strategy};
@@ -78,30 +81,21 @@ use wording::About;
 /// [`Error::File`] and [`Error::TooLarge`] when the scene file cannot be read or is larger than 64 MiB;
 /// [`Error::Value`] for an override that is not of that form.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Scene> {
-    Ok(open::<Document>(path, overrides)?.0)
+    Ok(SceneFile::read(path)?.open::<Document>(overrides)?.0)
 }
 
 /// Reads a scene file that describes a volume, and everything that it names; of an animation the first key frame.
 ///
 /// Errors: as [`load`].
 pub fn load_volume(path: &Path, overrides: &[String]) -> Result<VolumeScene> {
-    Ok(open::<VolumeDocument>(path, overrides)?.0)
+    Ok(SceneFile::read(path)?.open::<VolumeDocument>(overrides)?.0)
 }
 
 /// Reads a scene file that describes a volume with an animation, and everything that it names.
 ///
 /// Errors: as [`load`].
 pub fn load_animation(path: &Path, overrides: &[String]) -> Result<AnimatedVolume> {
-    Ok(open::<Animated>(path, overrides)?.0)
-}
-
-/// Reads a scene file of a kind, and everything that it names: the scene, and the document with every setting.
-///
-/// Errors: as [`load`].
-pub(crate) fn open<D: Describes>(path: &Path, overrides: &[String]) -> Result<(D::Scene, Resolved)> {
-    let (scene, mut document) = scene_of::<D>(&read::bytes(path)?, path, overrides)?;
-    document.settle(path);
-    Ok((scene, Resolved::new(&document, D::SUBJECT, path)?))
+    Ok(SceneFile::read(path)?.open::<Animated>(overrides)?.0)
 }
 
 /// The scene of a text, as [`load`] reads it from a file; `name` stands for the file in messages and titles.
@@ -127,20 +121,6 @@ pub enum Subject {
     Volume,
     /// A volume that changes from frame to frame: a [`VolumeDocument`] with an [`Animation`].
     Animation,
-}
-
-/// What a scene file is about; one that cannot be read is left to [`load`] to complain about.
-///
-/// Errors: [`Error::File`] and [`Error::TooLarge`] when the file cannot be read.
-pub fn subject(path: &Path) -> Result<Subject> {
-    let bytes = read::bytes(path)?;
-    let value = std::str::from_utf8(&bytes).ok().and_then(|text| read::value(text).ok());
-    let has = |name: &str| value.as_ref().is_some_and(|value| value.get(name).is_some());
-    Ok(match (has("volume"), has("animation")) {
-        (true, true) => Subject::Animation,
-        (true, false) => Subject::Volume,
-        (false, _) => Subject::LightMap,
-    })
 }
 
 /// A kind of scene file.
@@ -217,18 +197,12 @@ fn scene_from_bytes(bytes: &[u8], file: &Path, overrides: &[String]) -> Result<S
 
 /// The scene, and the document that describes it.
 fn scene_of<D: Describes>(bytes: &[u8], file: &Path, overrides: &[String]) -> Result<(D::Scene, D)> {
-    let (text, invalid) = match std::str::from_utf8(bytes) {
-        Ok(text) => (text, None),
-        Err(error) => {
-            let (valid, _) = bytes.split_at(error.valid_up_to());
-            (std::str::from_utf8(valid).unwrap_or_default(), Some(error.valid_up_to()))
-        }
-    };
+    let text = input::decoded(bytes).map_err(|error| {
+        let valid = if let NotUtf8::Behind(text) = error { text } else { "" };
+        let source = SceneText { file, text: valid, set: Vec::new() };
+        source.error_at_offset(valid.len(), &DocumentPath::default(), error.to_string())
+    })?;
     let mut source = SceneText { file, text, set: Vec::new() };
-    if let Some(offset) = invalid {
-        let problem = "the text is not UTF-8 from here on; save it as UTF-8".to_owned();
-        return Err(source.error_at_offset(offset, &DocumentPath::default(), problem));
-    }
     let document: D = document(&mut source, overrides)?;
     Ok((source.placed(document.scene(file))?, document))
 }

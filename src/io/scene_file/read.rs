@@ -2,9 +2,6 @@
 
 use std::cell::RefCell;
 use std::fmt;
-use std::fs::File;
-use std::io::Read;
-use std::path::Path;
 
 use serde::Deserializer;
 use serde::de::{DeserializeSeed, MapAccess, SeqAccess, Visitor};
@@ -14,13 +11,11 @@ use crate::{Error, Result};
 
 use super::path::{DocumentPath, Segment};
 
-/// A scene file may have this many bytes.
-const MAX_BYTES: u64 = 64 << 20;
-
 /// A document may hold this many values; one takes a good hundred bytes of memory.
 const MAX_VALUES: usize = 4_000_000;
 
-const REMEDY: &str = "paint what is large as a layer, and keep triangles in glTF files";
+/// What to do about a file that is too long.
+pub(super) const REMEDY: &str = "paint what is large as a layer, and keep triangles in glTF files";
 
 /// What is wrong with a text as JSON.
 #[derive(Debug)]
@@ -38,28 +33,6 @@ pub(super) enum Broken {
     },
     /// More values than memory should be spent on.
     TooMany(Error),
-}
-
-/// The bytes of a file, without a byte order mark.
-///
-/// Errors: [`Error::File`] when it cannot be read, [`Error::TooLarge`] above 64 MiB.
-pub(super) fn bytes(path: &Path) -> Result<Vec<u8>> {
-    let failed = |source| Error::File { action: "read", path: path.to_owned(), source };
-    let mut bytes = Vec::new();
-    // Read up to one byte more than allowed: the length that a file claims need not be its length.
-    File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(failed)?;
-    if bytes.len() as u64 > MAX_BYTES {
-        return Err(Error::TooLarge {
-            what: format!("the scene file {}", path.display()),
-            needed: "more than 64 MiB".to_owned(),
-            limit: "64 MiB".to_owned(),
-            remedy: REMEDY,
-        });
-    }
-    if bytes.starts_with(b"\xEF\xBB\xBF") {
-        bytes.drain(..3);
-    }
-    Ok(bytes)
 }
 
 /// The JSON value of a text in which no object has a key twice.

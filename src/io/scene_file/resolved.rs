@@ -13,7 +13,7 @@ use serde_json::{Map, Value};
 
 use crate::{Error, Result};
 
-use super::file_name::{FORMAT, FileName};
+use super::file_name::{FORMAT, FileName, folder_of};
 use super::write::text_of_value;
 use super::{Subject, schema};
 
@@ -35,9 +35,9 @@ impl Resolved {
     pub(super) fn new(document: &impl Serialize, subject: Subject, file: &Path) -> Result<Self> {
         let text = serde_json::to_string(document)
             .map_err(|error| Error::Machine(format!("the scene cannot be written as JSON: {error}")))?;
-        let beside = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let beside = Path::new(".").join(folder_of(file));
         // Whoever changes the current directory later changes nothing here.
-        let folder = std::path::absolute(beside).unwrap_or_else(|_| beside.to_owned());
+        let folder = std::path::absolute(&beside).unwrap_or(beside);
         Ok(Self { subject, text, folder })
     }
 

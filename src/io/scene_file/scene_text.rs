@@ -8,6 +8,9 @@ use super::flaw::Flaw;
 use super::locate::{Aim, locate, position};
 use super::path::DocumentPath;
 
+/// Bytes of a line that a person can still read; longer ones are written by programs, and a column says more than they do.
+const READABLE: usize = 200;
+
 /// A scene file's text, and which of its values were set from outside.
 #[derive(Debug)]
 pub(super) struct SceneText<'a> {
@@ -55,7 +58,8 @@ impl SceneText<'_> {
         suggestion: Option<String>,
     ) -> Error {
         let file = self.file.display().to_string();
-        Error::Scene { file, line, column, path: path.to_string(), problem, suggestion }
+        let excerpt = excerpt(self.text, line);
+        Error::Scene { file, line, column, path: path.to_string(), problem, suggestion, excerpt }
     }
 
     /// Tells a reader who would look for the value in the file that it does not come from there.
@@ -68,4 +72,11 @@ impl SceneText<'_> {
             ""
         }
     }
+}
+
+/// A line and those beside it; nothing where they are too long to be read.
+fn excerpt(text: &str, line: usize) -> String {
+    let around: Vec<&str> =
+        text.lines().skip(line.saturating_sub(2)).take(if line > 1 { 3 } else { 2 }).collect();
+    if around.iter().any(|line| line.len() > READABLE) { String::new() } else { around.join("\n") }
 }

@@ -51,7 +51,7 @@ fn loaded(text: &str, overrides: &[&str]) -> Result<Scene> {
 /// What a person is told: line, column, path, problem and suggestion.
 fn told(text: &str, overrides: &[&str]) -> (usize, usize, String, String, Option<String>) {
     match loaded(text, overrides) {
-        Err(Error::Scene { line, column, path, problem, suggestion, file }) => {
+        Err(Error::Scene { line, column, path, problem, suggestion, file, .. }) => {
             assert_eq!(file, "dir/fog.json");
             (line, column, path, problem, suggestion)
         }

@@ -2,6 +2,7 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
+use crate::io::input;
 use crate::{Error, Result};
 
 /// The bytes of a file, least significant first. Nothing is allocated before the file is known to have it.
@@ -15,8 +16,7 @@ pub(super) struct ByteReader<'p, R> {
 impl<'p> ByteReader<'p, BufReader<File>> {
     /// Errors: [`Error::File`].
     pub(super) fn open(path: &'p Path) -> Result<Self> {
-        let refused = |source| Error::File { action: "read", path: path.to_owned(), source };
-        Self::new(BufReader::new(File::open(path).map_err(refused)?), path)
+        Self::new(BufReader::new(input::open(path)?.0), path)
     }
 }
 

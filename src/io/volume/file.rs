@@ -7,6 +7,7 @@ use std::path::Path;
 use glam::DAffine3;
 
 use super::format::Format;
+use crate::io::input;
 use crate::io::npy::ArrayFault;
 use crate::scene::{Samples, Volume, VoxelGrid};
 use crate::{Error, Result};
@@ -33,13 +34,8 @@ pub(super) struct VolumeFile<'p> {
 impl VolumeFile<'_> {
     /// The file and its length in bytes.
     pub(super) fn open(self) -> Result<(BufReader<File>, u64)> {
-        // Asked for before it is opened, as opening a pipe waits for someone to write into it.
-        let about = std::fs::metadata(self.path).map_err(|source| self.refused(source))?;
-        if !about.is_file() {
-            return Err(self.wrong("it is a folder or a device"));
-        }
-        let file = File::open(self.path).map_err(|source| self.refused(source))?;
-        Ok((BufReader::with_capacity(1 << 16, file), about.len()))
+        let (file, length) = input::open(self.path)?;
+        Ok((BufReader::with_capacity(1 << 16, file), length))
     }
 
     /// The file is not what it should be.

@@ -53,6 +53,7 @@ impl PropertySearch<'_> {
         check_light(self.scene, self.optics, self.find)?;
         let problem =
             VolumeProblem::new(self.scene, &self.state.medium, self.optics, self.desired, self.find)?;
+        steps.go_on()?;
         let memory = MemoryBudget::of_volume(self.scene);
         let settings = memory.settled(VolumeProblem::settings(self.scene, self.find), &problem)?;
         let name = format!("{}checkpoint", place.prefix);

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::io::input;
 use crate::report::bench::{Law, Measured, Record, csv};
 use crate::solve::StopReason;
 use crate::{Error, Result};
@@ -36,15 +37,14 @@ pub(super) fn table(records: &[Record]) -> Result<String> {
     Ok(if counts.is_empty() { format!("{HEADER}\n") } else { csv(&counts)?.replace("\r\n", "\n") })
 }
 
+/// Bytes of such a table at most.
+const MAX_BYTES: u64 = 64 << 20;
+
 /// Reads such a table.
 ///
 /// Errors: [`Error::File`], and [`Error::Format`] naming the line.
 pub(super) fn read(path: &Path) -> Result<Vec<Counts>> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::File {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = input::text(path, MAX_BYTES, "counts")?;
     parse(&text).map_err(|(line, problem)| Error::Format {
         path: path.to_owned(),
         format: "counts",

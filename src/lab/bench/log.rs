@@ -7,6 +7,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
+use crate::io::input;
 use crate::job::Stop;
 use crate::{Error, Result};
 
@@ -70,8 +71,11 @@ impl Log {
     }
 }
 
+/// Bytes of a log at most.
+const MAX_BYTES: u64 = 1 << 30;
+
 fn read(path: &Path, kind: &str) -> Result<HashMap<String, Value>> {
-    let text = std::fs::read_to_string(path).map_err(failed("read", path))?;
+    let text = input::text(path, MAX_BYTES, "log of a run")?;
     let mut lines = text.lines();
     let is_of = |line: &str| {
         serde_json::from_str::<Value>(line).is_ok_and(|line| line.get("kind") == Some(&json!(kind)))

@@ -15,6 +15,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::Result;
+use crate::io::scene_file::SceneFile;
 use crate::job::{Backend, Engine, EngineChoice, Folder, Observer, Step, Stop, processor};
 use crate::report::bench::{self as report, Held, Record, Skipped, Sweep};
 pub use cases::Level;
@@ -94,7 +95,10 @@ impl Benchmark {
     pub fn run(&self, observer: &mut impl Observer) -> Result<(report::Bench, usize)> {
         let sources = match self.scenes.is_empty() {
             true => SceneSource::known(),
-            false => self.scenes.iter().cloned().map(SceneSource::File).collect(),
+            false => {
+                let read = |path| Ok(SceneSource::File(SceneFile::read(path)?));
+                self.scenes.iter().map(read).collect::<Result<_>>()?
+            }
         };
         let rows = self.rows.unwrap_or(if self.level == Level::Quick { FEW_ROWS } else { ROWS });
         // Whatever is wrong with a scene is said before anything is measured.
@@ -243,7 +247,7 @@ fn fingerprint(sources: &[SceneSource], session: &Session<'_>) -> Result<u64> {
     let mut hasher = DefaultHasher::new();
     for source in sources {
         source.name().hash(&mut hasher);
-        source.bytes()?.hash(&mut hasher);
+        source.bytes().hash(&mut hasher);
     }
     let names: Vec<String> =
         cases(session.asked.level, &session.places, true).iter().map(Contender::name).collect();

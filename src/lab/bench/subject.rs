@@ -1,19 +1,18 @@
 //! What is measured: a scene, and the first of its problems.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::cases::CaseBasis;
-use crate::io::scene_file;
+use crate::Result;
+use crate::io::scene_file::{self, SceneFile};
 use crate::job::{AskedProblem, Job, Quiet, Scenes, Steps, Stop};
 use crate::scene::{Basis, Find, Interpolation, RegularizationWeight, SolveSettings};
-use crate::{Error, Result};
 
 /// Where a scene comes from.
 #[derive(Debug, Clone)]
 pub(super) enum SceneSource {
     /// A file.
-    File(PathBuf),
+    File(SceneFile),
     /// A text that is part of the program, and its name.
     Known(&'static str, &'static str),
 }
@@ -27,7 +26,7 @@ impl SceneSource {
     /// Reads the scene, with overrides; of an animation its first key.
     pub(super) fn load(&self, overrides: &[String]) -> Result<Scenes> {
         Ok(match self {
-            Self::File(path) => match Job::open_with(path, overrides)?.into_scenes() {
+            Self::File(file) => match Job::of_file(file, overrides)?.into_scenes() {
                 Scenes::Animation(animated) => animated.animation.keys[0].scene.clone().into(),
                 scenes => scenes,
             },
@@ -37,22 +36,19 @@ impl SceneSource {
     }
 
     /// The bytes of the scene, to tell whether a log is of it.
-    pub(super) fn bytes(&self) -> Result<Vec<u8>> {
+    pub(super) fn bytes(&self) -> &[u8] {
         match self {
-            Self::File(path) => std::fs::read(path).map_err(|source| Error::File {
-                action: "read",
-                path: path.clone(),
-                source,
-            }),
-            Self::Known(_, text) => Ok(text.as_bytes().to_vec()),
+            Self::File(file) => file.bytes(),
+            Self::Known(_, text) => text.as_bytes(),
         }
     }
 
     /// What the scene is called in names of cases: the file's name without its ending.
     pub(super) fn name(&self) -> String {
         match self {
-            Self::File(path) => {
-                path.file_stem().unwrap_or(Path::new("scene").as_os_str()).to_string_lossy().into_owned()
+            Self::File(file) => {
+                let stem = file.path().file_stem().unwrap_or("scene".as_ref());
+                stem.to_string_lossy().into_owned()
             }
             Self::Known(name, _) => (*name).to_owned(),
         }

@@ -220,12 +220,9 @@ fn noise(setting: &Setting, measurements: &mut Measurements) -> Result<()> {
         let mut shown = question.matrix.range();
         let x = answer.solved.x.iter().map(|x| x.map(f64::from)).collect();
         question.matrix.apply(&CpuVector(x), &mut shown)?;
-        let missed = |c: usize| {
-            let pairs = || shown.0.iter().zip(&question.targets);
-            let square = pairs().map(|(shown, b)| (shown[c] - f64::from(b[c])).powi(2)).sum::<f64>();
-            (square / pairs().map(|(_, b)| f64::from(b[c]).powi(2)).sum::<f64>()).sqrt()
-        };
-        let missed = (0..3).map(missed).fold(0.0, worse);
+        let pairs = || shown.0.iter().flatten().zip(question.targets.iter().flatten());
+        let square = pairs().map(|(shown, &b)| (shown - f64::from(b)).powi(2)).sum::<f64>();
+        let missed = (square / pairs().map(|(_, &b)| f64::from(b).powi(2)).sum::<f64>()).sqrt();
         measurements.must(&place, answer.solved.outcome.stop.reason == StopReason::Discrepancy);
         measurements.within(place, missed, NOISE * 1.5f64.sqrt());
         certificate(measurements, name.name(), &answer, 1e-9);

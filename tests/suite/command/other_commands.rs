@@ -3,7 +3,7 @@
 use std::fs;
 
 use serde_json::{Value, json};
-use unscatter::io::scene_file::{Subject, subject};
+use unscatter::io::scene_file::{SceneFile, Subject};
 
 use super::pictures::{difference, exr, png_size};
 use super::{Desk, scene_with};
@@ -50,6 +50,7 @@ fn render_puts_a_light_map_where_its_solve_had_it() {
     render("views").exits_with(0);
     let picture = |name: &str| exr(&desk.path(name)).1;
     assert!(difference(&picture("views/left.exr"), &picture("out/left_after.exr")) < SAME_SOLUTION);
+    let written = fs::read(desk.path("out/light_map.placement.json")).unwrap();
     for damage in [
         &b""[..],
         b"{}",
@@ -60,6 +61,13 @@ fn render_puts_a_light_map_where_its_solve_had_it() {
         render("damaged").exits_with(1).tells("light_map.placement.json");
     }
     assert!(desk.names("damaged").is_empty());
+    desk.put("out/light_map.placement.json", &written);
+    let turned = ["--set", "light.direction=[-0.3,-1,0.2]"];
+    let turned = [&["render", "scene.json", "-o", "turned", "--light-map", "out/light_map.exr"], &turned[..]];
+    desk.run(&turned.concat()).exits_with(1).tells("another direction");
+    let of_another_size = String::from_utf8(written).unwrap().replacen("32", "16", 1);
+    desk.put("out/light_map.placement.json", of_another_size.as_bytes());
+    render("damaged").exits_with(1).tells("the light map has 32 × 32");
     fs::remove_file(desk.path("out/light_map.placement.json")).unwrap();
     render("elsewhere").exits_with(0);
     assert!(
@@ -180,7 +188,7 @@ fn the_scenes_in_strokes_can_be_planned() {
         let path = entry.unwrap().path();
         if path.extension().is_some_and(|ending| ending == "json") {
             // Small grids: this is about whether the files are understood, not about their size.
-            let small = match subject(&path).unwrap() {
+            let small = match SceneFile::read(&path).unwrap().subject() {
                 Subject::LightMap => ["--set", "shadow_map.size=64", "--set", "light_map.size=32"],
                 Subject::Volume | Subject::Animation => ["--set", "volume.size=16", "--set", "light_size=8"],
             };

@@ -291,7 +291,7 @@ fn settings_that_make_no_sense_are_errors_by_name() {
     let start = dense.domain();
     assert!(fails(&problem, &start, Limits::new(5, -1e-9)).contains("tolerance"));
     assert!(fails(&problem, &start, Limits::new(5, f64::NAN)).contains("tolerance"));
-    let noise = Limits { discrepancy: Some([1.0, -1.0, 1.0]), ..Limits::new(5, 0.1) };
+    let noise = Limits { discrepancy: Some(-1.0), ..Limits::new(5, 0.1) };
     assert!(fails(&problem, &start, noise).contains("discrepancy"));
     assert!(fails(&problem, &CpuVector::zeros(3), Limits::new(5, 0.1)).contains("the start has 3"));
     let short = CpuVector::zeros(2);

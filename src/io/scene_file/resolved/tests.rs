@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use super::super::{Animated, Describes, Document, VolumeDocument, document, open, scene_text::SceneText};
+use super::super::{
+    Animated, Describes, Document, SceneFile, VolumeDocument, document, scene_text::SceneText,
+};
 use super::*;
 
 /// Settings that may have no value, and why. All others are written, and a new one is until it is put in here.
@@ -324,13 +326,19 @@ fn a_resolved_file_is_the_same_scene() {
         std::fs::write(&first, text).unwrap();
         let set = ["exposure=0.5".to_owned()];
         let scenes = if text == moving {
-            let (scene, resolved) = open::<Animated>(&first, &set).unwrap();
+            let (scene, resolved) = SceneFile::read(&first).unwrap().open::<Animated>(&set).unwrap();
             std::fs::write(&second, resolved.text_in(folder.path()).unwrap()).unwrap();
-            [format!("{scene:?}"), format!("{:?}", open::<Animated>(&second, &[]).unwrap().0)]
+            [
+                format!("{scene:?}"),
+                format!("{:?}", SceneFile::read(&second).unwrap().open::<Animated>(&[]).unwrap().0),
+            ]
         } else {
-            let (scene, resolved) = open::<Document>(&first, &set).unwrap();
+            let (scene, resolved) = SceneFile::read(&first).unwrap().open::<Document>(&set).unwrap();
             std::fs::write(&second, resolved.text_in(folder.path()).unwrap()).unwrap();
-            [format!("{scene:?}"), format!("{:?}", open::<Document>(&second, &[]).unwrap().0)]
+            [
+                format!("{scene:?}"),
+                format!("{:?}", SceneFile::read(&second).unwrap().open::<Document>(&[]).unwrap().0),
+            ]
         };
         // What lies between two keys are documents still, of which the second says more.
         let [first, second] = scenes.map(|text| text.split("frames: Frames").next().unwrap().to_owned());
@@ -348,9 +356,9 @@ fn numbers_that_json_cannot_hold_never_reach_a_document() {
     let small = r#"{"version": 1, "light": {"direction": [0, -1, 0]}, "medium": {"sigma_t": 1},
         "views": [{"name": "v", "camera": {"to_world": {}, "fov": 50, "size": [8, 8]}}]}"#;
     std::fs::write(&file, small).unwrap();
-    assert!(open::<Document>(&file, &["exposure=1".to_owned()]).is_ok());
+    assert!(SceneFile::read(&file).unwrap().open::<Document>(&["exposure=1".to_owned()]).is_ok());
     for word in ["NaN", "nan", "inf", "-Infinity", "1e999", "null"] {
-        let refused = open::<Document>(&file, &[format!("exposure={word}")]);
+        let refused = SceneFile::read(&file).unwrap().open::<Document>(&[format!("exposure={word}")]);
         assert!(matches!(refused, Err(Error::Scene { .. })), "{word}");
     }
     // Where one comes about all the same it is an error, and no null.
