@@ -1,7 +1,7 @@
 //! What a job takes, and what it may take.
 
 use super::machine;
-use crate::march::FurtherWeights;
+use crate::march::{FurtherWeights, ViewRay};
 use crate::operator::Tiling;
 use crate::problem::{Constraint, Optics, Problem, constraints, light_bytes, vectors};
 use crate::scene::{Find, KeyFrame, MetricName, RegularizationWeight, Scene, SolveSettings, VolumeScene};
@@ -140,13 +140,18 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<()> {
 
 /// The painted pixels of a scene.
 ///
-/// Errors: [`Error::TooLarge`] when their surroundings exceed the memory, before those are made; [`Error::Empty`] when there are none.
+/// Errors: [`Error::TooLarge`] when their rows or their surroundings exceed the memory, before those are made; [`Error::Empty`] when there are
+/// none.
 pub(crate) fn painted(scene: &Scene) -> Result<Vec<Constraint>> {
     let painted = constraints(scene)?;
+    let memory = MemoryBudget::of_light_map(scene);
+    // Known now, before a ray of them is traced.
+    let row = (vectors(scene.solve.solver).range + 6) * COLOR + size_of::<ViewRay>() + size_of::<Constraint>();
+    memory.check("the solve for the painted pixels", memory.scene + (painted.len() * row) as u64)?;
     if let Some(around) = &scene.surroundings {
         // Weights are made row by row, and kept.
         let needed = sky_bytes(scene) + 3 * FurtherWeights::bytes(painted.len(), around.len());
-        MemoryBudget::of_light_map(scene).check("the light around the light map", needed)?;
+        memory.check("the light around the light map", needed)?;
     }
     Ok(painted)
 }
