@@ -146,7 +146,8 @@ pub(crate) fn painted(scene: &Scene) -> Result<Vec<Constraint>> {
     let painted = constraints(scene)?;
     let memory = MemoryBudget::of_light_map(scene);
     // Known now, before a ray of them is traced.
-    let row = (vectors(scene.solve.solver).range + 6) * COLOR + size_of::<ViewRay>() + size_of::<Constraint>();
+    let row =
+        (vectors(scene.solve.solver).range + 6) * COLOR + size_of::<ViewRay>() + size_of::<Constraint>();
     memory.check("the solve for the painted pixels", memory.scene + (painted.len() * row) as u64)?;
     if let Some(around) = &scene.surroundings {
         // Weights are made row by row, and kept.

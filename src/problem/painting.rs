@@ -9,6 +9,9 @@ use crate::{Error, Result};
 /// Less weight than this is no constraint; half of what one code of an 8-bit alpha is worth.
 const LEAST_WEIGHT: f32 = 1.0 / 512.0;
 
+/// Pixels that all strokes of a view may put paint on, one stroke over the other: minutes of work.
+const MOST_PAINTED: u64 = 1 << 35;
+
 /// Samples along each side of a pixel on the rim of a stroke.
 const SAMPLES: usize = 4;
 
@@ -34,7 +37,7 @@ const HALF_DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// heavier there.
 ///
 /// Errors: [`Error::Shape`] for a layer that is not of the view's size; [`Error::Value`] for a layer or a stroke with
-/// numbers that cannot be, and for a stroke that reaches no pixel.
+/// numbers that cannot be, and for a stroke that reaches no pixel; [`Error::TooLarge`] for more strokes than can be painted in minutes.
 /// Cost: the pixels of a stroke times the segments that are about as near as the nearest; bit-identical for any number of threads.
 pub fn paint(view: &View) -> Result<RgbaImage> {
     let size = view.camera.size();
@@ -45,16 +48,36 @@ pub fn paint(view: &View) -> Result<RgbaImage> {
             put_over(below, [r, g, b], weight);
         }
     }
-    for (index, stroke) in view.strokes.iter().enumerate() {
-        let place = || format!("{}.strokes[{index}]", view.name);
-        let brush = Brush::new(stroke).map_err(|error| error.inside(&place()))?;
+    let place = |index: usize| format!("{}.strokes[{index}]", view.name);
+    let brushes = view.strokes.iter().enumerate();
+    let brushes =
+        brushes.map(|(index, stroke)| Brush::new(stroke).map_err(|error| error.inside(&place(index))));
+    let brushes: Vec<Brush> = brushes.collect::<Result<_>>()?;
+    check_work(&view.name, &brushes, size)?;
+    for (index, brush) in brushes.iter().enumerate() {
         if !brush.paint(&mut painting) {
             let expected = "a stroke that reaches a pixel of the picture with a weight of at least 1/512";
-            return Err(Error::value(place(), brush.description(size), expected));
+            return Err(Error::value(place(index), brush.description(size), expected));
         }
     }
     painting.pixels.iter_mut().filter(|pixel| pixel[3] < LEAST_WEIGHT).for_each(|pixel| *pixel = [0.0; 4]);
     Ok(painting)
+}
+
+/// Whether strokes can be painted in minutes.
+fn check_work(view: &str, brushes: &[Brush<'_>], size: [usize; 2]) -> Result<()> {
+    let pixels =
+        |brush: &Brush<'_>| brush.reach(size).iter().map(|range| range.len() as u64).product::<u64>();
+    let needed: u64 = brushes.iter().map(pixels).sum();
+    if needed <= MOST_PAINTED {
+        return Ok(());
+    }
+    Err(Error::TooLarge {
+        what: format!("painting the {} strokes of view `{view}`", brushes.len()),
+        needed: format!("{needed} pixels"),
+        limit: MOST_PAINTED.to_string(),
+        remedy: "paint them as a layer, or with smaller radii",
+    })
 }
 
 fn check_layer(layer: &RgbaImage, [width, height]: [usize; 2]) -> Result<()> {
@@ -434,6 +457,16 @@ mod tests {
             let error = paint(&view([8, 8], strokes)).unwrap_err();
             assert!(matches!(&error, Error::Value { path, .. } if path == "front.strokes[1]"), "{error}");
         }
+    }
+
+    #[test]
+    fn what_would_take_hours_to_paint_is_refused_at_once() {
+        let wide = stroke(&[[2000.0, 2000.0]], 9000.0);
+        let error = paint(&view([4096, 4096], vec![wide; 3000])).unwrap_err();
+        assert!(
+            matches!(&error, Error::TooLarge { needed, .. } if needed == "50331648000 pixels"),
+            "{error}"
+        );
     }
 
     #[test]
