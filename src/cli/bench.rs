@@ -30,7 +30,7 @@ pub(super) fn run(arguments: &BenchArguments, manners: &Manners) -> Result<Done>
     let (bench, taken) = benchmark.run(&mut bar)?;
     bar.finish();
     let told = bench_words::summary(&bench, taken, &benchmark.folder, arguments.counts.as_deref());
-    manners.print(&bench.to_json()?, &told);
+    manners.print(&bench.to_json()?, &told)?;
     Ok(match bench.held.hold == bench.held.of {
         false => Done::Broken,
         true if bench.complete => Done::Completely,

@@ -13,7 +13,7 @@ pub(super) fn run(arguments: &CheckArguments, manners: &Manners) -> Result<Done>
     bar.finish();
     let verdicts: Vec<&CheckedLaw> = all.iter().flat_map(|checked| &checked.verdicts).collect();
     let lines: Vec<String> = all.iter().flat_map(lines).collect();
-    manners.print(&to_json(&verdicts)?, &lines.join("\n"));
+    manners.print(&to_json(&verdicts)?, &lines.join("\n"))?;
     Ok(if verdicts.iter().all(|verdict| verdict.holds) { Done::Completely } else { Done::Broken })
 }
 

@@ -96,7 +96,7 @@ fn solved(
     let found = job.with(options).solve(&mut bar)?;
     let Written { report, is_interrupted, folder } = found.write_observed(folder, &mut bar)?;
     bar.finish();
-    manners.print(&report.to_json()?, &words::of_report(&report, &folder));
+    manners.print(&report.to_json()?, &words::of_report(&report, &folder))?;
     Ok(if is_interrupted { Done::Interrupted } else { Done::Completely })
 }
 
@@ -155,7 +155,7 @@ pub(super) fn render(arguments: &RenderArguments, manners: &Manners) -> Result<D
     let Some(drawn) = drawn else { return Ok(Done::Interrupted) };
     bar.finish();
     let names: Vec<String> = drawn.iter().map(|path| path.display().to_string()).collect();
-    manners.print(&to_json(&names)?, &names.join("\n"));
+    manners.print(&to_json(&names)?, &names.join("\n"))?;
     Ok(Done::Completely)
 }
 
@@ -170,7 +170,7 @@ pub(super) fn plan(arguments: &SceneArguments, manners: &Manners) -> Result<Done
         _ => to_json(&plans)?,
     };
     let lines: Vec<String> = plans.iter().map(words::of_plan).collect();
-    manners.print(&json, &lines.join("\n"));
+    manners.print(&json, &lines.join("\n"))?;
     Ok(Done::Completely)
 }
 
@@ -185,6 +185,6 @@ pub(super) fn matrix(arguments: &MatrixArguments, manners: &Manners) -> Result<D
     let ((rows, columns), nonzeros) = (matrix.shape(), matrix.nnz());
     let json = serde_json::json!({ "rows": rows, "columns": columns, "nonzeros": nonzeros });
     let told = format!("T: {rows} × {columns}, {nonzeros} non-zeros, in {}", folder.display());
-    manners.print(&to_json(&json)?, &told);
+    manners.print(&to_json(&json)?, &told)?;
     Ok(Done::Completely)
 }

@@ -2,6 +2,7 @@ use std::io::Write;
 
 use miette::{LabeledSpan, MietteDiagnostic, NamedSource, Report, SourceOffset};
 
+use super::out::{self, visible};
 use crate::{Error, Fault};
 
 /// What the library calls settings, and what the command says in its place.
@@ -31,12 +32,12 @@ pub(super) struct Warnings;
 
 impl Write for Warnings {
     fn write(&mut self, warning: &[u8]) -> std::io::Result<usize> {
-        std::io::stderr().write_all(in_flags(&String::from_utf8_lossy(warning)).as_bytes())?;
+        out::remark(&visible(&in_flags(&String::from_utf8_lossy(warning))));
         Ok(warning.len())
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
-        std::io::stderr().flush()
+        Ok(())
     }
 }
 
@@ -45,27 +46,25 @@ pub(super) fn show(error: &Error) {
     let report = match error {
         Error::Scene { file, line, column, path, problem, suggestion, excerpt } => {
             let help = suggestion.as_ref().map(|name| format!("did you mean `{name}`?"));
-            let problem = in_flags(problem);
-            let mut diagnostic = MietteDiagnostic::new(format!("{file}:{line}:{column}: {path}: {problem}"));
-            diagnostic.help = help;
-            in_file(diagnostic, file, excerpt, *line, *column)
+            let message = format!("{file}:{line}:{column}: {path}: {}", in_flags(problem));
+            let mut diagnostic = MietteDiagnostic::new(visible(&message));
+            diagnostic.help = help.map(|help| visible(&help).into_owned());
+            in_file(diagnostic, &visible(file), &visible(excerpt), *line, *column)
         }
         Error::Value { path, value, expected } => {
             let flag =
                 VALUES.iter().find(|(setting, _)| setting == path).map_or(path.as_str(), |(_, flag)| *flag);
-            Report::msg(Error::value(flag, value, expected))
+            Report::msg(visible(&Error::value(flag, value, expected).to_string()).into_owned())
         }
-        other => Report::msg(in_flags(&match other.fault() {
-            Fault::Machine => format!("this machine cannot do it: {other}"),
-            Fault::Input => other.to_string(),
-        })),
+        other => {
+            let told = match other.fault() {
+                Fault::Machine => format!("this machine cannot do it: {other}"),
+                Fault::Input => other.to_string(),
+            };
+            Report::msg(visible(&in_flags(&told)).into_owned())
+        }
     };
-    eprint_report(&report);
-}
-
-#[allow(clippy::print_stderr, reason = "this is where errors are shown")]
-fn eprint_report(report: &Report) {
-    eprintln!("{report:?}");
+    out::remark(&format!("{report:?}\n"));
 }
 
 /// The message with the lines of a file that it is about.

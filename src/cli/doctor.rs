@@ -50,7 +50,7 @@ pub(super) fn run(manners: &Manners) -> Result<Done> {
         backend: if adapters.iter().any(serves) { "gpu" } else { "cpu" },
         adapters,
     };
-    manners.print(&to_json(&machine)?, &words(&machine));
+    manners.print(&to_json(&machine)?, &words(&machine))?;
     Ok(Done::Completely)
 }
 

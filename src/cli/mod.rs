@@ -8,10 +8,10 @@ mod check;
 mod commands;
 mod diagnostics;
 mod doctor;
+mod out;
 mod stress;
 mod words;
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -50,11 +50,11 @@ struct Manners {
 }
 
 impl Manners {
-    /// Prints a result: as JSON or as a person reads it.
-    fn print(&self, json: &str, words: &str) {
-        let text = if self.json { json } else { words };
-        // A reader that has gone away, such as `head`, is no reason to fail.
-        let _gone = writeln!(std::io::stdout().lock(), "{text}");
+    /// Prints a result: as JSON, which escapes what needs it, or as a person reads it.
+    ///
+    /// Errors: as [`out::result`].
+    fn print(&self, json: &str, words: &str) -> Result<()> {
+        if self.json { out::result(json) } else { out::result(&out::visible(words)) }
     }
 }
 
@@ -124,26 +124,48 @@ fn run(command: &Command, manners: &Manners) -> Result<Done> {
         Command::Doctor => doctor::run(manners),
         Command::Schema { of } => {
             let schema = to_json(&io::scene_file::schema((*of).into()))?;
-            manners.print(&schema, &schema);
+            manners.print(&schema, &schema)?;
             Ok(Done::Completely)
         }
         Command::Completions { shell } => {
-            clap_complete::generate(*shell, &mut Arguments::command(), "unscatter", &mut std::io::stdout());
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Arguments::command(), "unscatter", &mut script);
+            out::result(&String::from_utf8_lossy(&script))?;
             Ok(Done::Completely)
         }
     }
 }
 
-/// Lets Ctrl-C end the work in order; a second one ends it at once, without the results that have begun in a folder.
+/// Lets Ctrl-C end the work in order; a second one ends it at once, without the results that have begun in a folder. SIGTERM and SIGHUP
+/// are the same, unless whoever started the program has it ignore them, as `nohup` does.
 fn watch_interrupt(stop: &Stop, folder: Option<PathBuf>) -> Result<()> {
     let stop = stop.clone();
-    ctrlc::set_handler(move || {
+    let asked = move || {
         if stop.ask() {
             folder.iter().for_each(|folder| sweep(folder));
             std::process::exit(INTERRUPTED);
         }
-    })
-    .map_err(|error| Error::Machine(format!("cannot watch for Ctrl-C: {error}")))
+    };
+    on_interrupt(asked).map_err(|error| Error::Machine(format!("cannot watch for Ctrl-C: {error}")))
+}
+
+#[cfg(unix)]
+fn on_interrupt(asked: impl Fn() + Send + 'static) -> std::io::Result<()> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    use signal_hook::iterator::Signals;
+
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    let is_heard = |signal: &i32| ignored >> (signal - 1) & 1 == 0;
+    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP].iter().filter(|&signal| is_heard(signal)))?;
+    std::thread::Builder::new().spawn(move || signals.forever().for_each(|_| asked()))?;
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn on_interrupt(asked: impl Fn() + Send + 'static) -> Result<(), ctrlc::Error> {
+    ctrlc::set_handler(asked)
 }
 
 fn watch_verbosity(arguments: &Arguments) {
@@ -155,6 +177,7 @@ fn watch_verbosity(arguments: &Arguments) {
     };
     tracing_subscriber::fmt()
         .with_max_level(level)
+        .with_ansi(false)
         .with_writer(|| diagnostics::Warnings)
         .with_target(false)
         .init();

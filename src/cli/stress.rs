@@ -29,7 +29,7 @@ pub(super) fn run(arguments: &StressArguments, manners: &Manners) -> Result<Done
         folder.write_bytes("stress.txt", format!("{words}\n").as_bytes())?;
         folder.publish()?;
     }
-    manners.print(&json, &words);
+    manners.print(&json, &words)?;
     Ok(if summary.broken == 0 { Done::Completely } else { Done::Broken })
 }
 

@@ -1,7 +1,7 @@
 //! What a solve needs to be continued, in one file.
 //!
-//! A line of magic, a line of JSON with the lengths, then all numbers as little-endian f64: f32 vectors survive
-//! the way there and back to the last bit.
+//! A line of magic, a line of JSON with the lengths, then all numbers as little-endian f64, then the CRC-32 of all that, least
+//! significant byte first. f32 vectors survive the way there and back to the last bit.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -11,7 +11,10 @@ use serde::{Deserialize, Serialize};
 use super::{input, write_whole};
 use crate::{Error, Result};
 
-const MAGIC: &str = "unscatter checkpoint 2";
+const MAGIC: &str = "unscatter checkpoint 3";
+
+/// Bytes of the checksum.
+const CHECKSUM: u64 = 4;
 
 /// Named blocks of numbers, and which problem they belong to.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -48,43 +51,58 @@ impl Checkpoint {
         let header = serde_json::to_string(&header).map_err(|error| Error::Machine(error.to_string()))?;
         write_whole(path, |file| {
             let failed = |source| Error::File { action: "write", path: path.to_owned(), source };
-            writeln!(file, "{MAGIC}\n{header}").map_err(failed)?;
-            hand_out(&mut |block| {
-                block.iter().try_for_each(|value| file.write_all(&value.to_le_bytes())).map_err(failed)
-            })
+            let mut sum = crc32fast::Hasher::new();
+            let mut put = |bytes: &[u8]| {
+                sum.update(bytes);
+                file.write_all(bytes).map_err(failed)
+            };
+            put(format!("{MAGIC}\n{header}\n").as_bytes())?;
+            hand_out(&mut |block| block.iter().try_for_each(|value| put(&value.to_le_bytes())))?;
+            file.write_all(&sum.finalize().to_le_bytes()).map_err(failed)
         })
     }
 
     /// Reads a file that [`Checkpoint::write`] has written for the same problem.
     ///
-    /// Errors: [`Error::Checkpoint`] when it is another problem's, or damaged.
+    /// Errors: [`Error::Checkpoint`] when it is another problem's, or damaged: any changed bit is found.
     pub fn read(path: &Path, fingerprint: u64) -> Result<Self> {
         let wrong = |reason: &str| Error::Checkpoint { path: path.to_owned(), reason: reason.to_owned() };
+        let damaged = || wrong("it is damaged; solve again without resume");
         let (file, size) = input::open(path)?;
         let mut file = BufReader::new(file.take(size));
+        let mut sum = crc32fast::Hasher::new();
         let mut line = |limit: u64| -> Result<String> {
             let mut text = String::new();
-            file.by_ref().take(limit).read_line(&mut text).map_err(|_| wrong("its header is not text"))?;
+            file.by_ref().take(limit).read_line(&mut text).map_err(|_| damaged())?;
+            sum.update(text.as_bytes());
             Ok(text)
         };
-        if line(64)?.trim_end() != MAGIC {
+        let (magic, text) = (line(64)?, line(1 << 16)?);
+        if magic.trim_end() != MAGIC {
             return Err(wrong("it is not a checkpoint of this version"));
         }
-        let header: Header =
-            serde_json::from_str(&line(1 << 16)?).map_err(|_| wrong("its header cannot be read"))?;
-        if header.fingerprint != format!("{fingerprint:016x}") {
-            return Err(wrong("the scene or its settings have changed; solve again without resume"));
+        let header: Header = serde_json::from_str(&text).map_err(|_| damaged())?;
+        // Nothing is allocated on the word of the header alone.
+        let words = header.lengths.iter().try_fold(0_u64, |sum, &length| sum.checked_add(length));
+        let body = words.and_then(|words| words.checked_mul(8)).ok_or_else(damaged)?;
+        if body.checked_add((magic.len() + text.len()) as u64 + CHECKSUM) != Some(size) {
+            return Err(wrong("it is not as long as it says, and damaged; solve again without resume"));
         }
-        let mut blocks = Vec::new();
+        let mut blocks = Vec::with_capacity(header.lengths.len());
         for length in header.lengths {
-            // Nothing is allocated on the word of the header alone.
-            if length > size / 8 {
-                return Err(wrong("it is shorter than its header says"));
-            }
             let mut bytes = vec![0; length as usize * 8];
-            file.read_exact(&mut bytes).map_err(|_| wrong("it is shorter than its header says"))?;
+            file.read_exact(&mut bytes).map_err(|_| damaged())?;
+            sum.update(&bytes);
             let (words, _) = bytes.as_chunks::<8>();
             blocks.push(words.iter().map(|&word| f64::from_le_bytes(word)).collect());
+        }
+        let mut written = [0; CHECKSUM as usize];
+        file.read_exact(&mut written).map_err(|_| damaged())?;
+        if sum.finalize() != u32::from_le_bytes(written) {
+            return Err(damaged());
+        }
+        if header.fingerprint != format!("{fingerprint:016x}") {
+            return Err(wrong("the scene or its settings have changed; solve again without resume"));
         }
         Ok(Self { fingerprint, blocks })
     }
@@ -113,6 +131,22 @@ mod tests {
         write(&path, &saved);
         assert_eq!(Checkpoint::read(&path, u64::MAX - 5).unwrap(), saved);
         assert!(matches!(Checkpoint::read(&path, 7), Err(Error::Checkpoint { .. })));
+    }
+
+    #[test]
+    fn every_flipped_bit_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("checkpoint");
+        write(&path, &Checkpoint { fingerprint: 1, blocks: vec![vec![1.0; 5], vec![0.1, f64::INFINITY]] });
+        let whole = std::fs::read(&path).unwrap();
+        for bit in 0..8 * whole.len() {
+            let mut flipped = whole.clone();
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            std::fs::write(&path, flipped).unwrap();
+            assert!(matches!(Checkpoint::read(&path, 1), Err(Error::Checkpoint { .. })), "bit {bit}");
+        }
+        std::fs::write(&path, [&whole[..], b"\0"].concat()).unwrap();
+        assert!(Checkpoint::read(&path, 1).is_err(), "a byte too many");
     }
 
     #[test]
