@@ -20,7 +20,7 @@ use clap::{CommandFactory, Parser};
 use args::{Arguments, Command};
 
 use crate::io::to_json;
-use crate::job::{Stop, sweep};
+use crate::job::{Stop, abandon};
 use crate::{Error, Fault, Result, io};
 
 /// Exit code where the input is at fault.
@@ -142,7 +142,7 @@ fn watch_interrupt(stop: &Stop, folder: Option<PathBuf>) -> Result<()> {
     let stop = stop.clone();
     let asked = move || {
         if stop.ask() {
-            folder.iter().for_each(|folder| sweep(folder));
+            folder.iter().for_each(|folder| abandon(folder));
             std::process::exit(INTERRUPTED);
         }
     };

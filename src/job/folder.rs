@@ -1,8 +1,11 @@
 //! The folder of results, and the pictures of a view in it.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
+
+use super::lock::{LOCK, Lock};
 
 use crate::problem::Rendering;
 use crate::scene::{Image, Rgb};
@@ -17,30 +20,40 @@ use crate::{io, report};
 pub(crate) struct Folder {
     path: PathBuf,
     making: TempDir,
+    /// Until the run is over.
+    _lock: Lock,
 }
 
-/// How the names of the folders begin in which this process makes its results.
-fn making_prefix() -> String {
-    format!(".unscatter-{}-", std::process::id())
-}
+/// How the names of the folders begin in which results are made.
+const MAKING: &str = ".unscatter-";
 
-/// Removes what this process has begun to make in a folder; for one that ends at once. What cannot be removed stays.
-pub(crate) fn sweep(folder: &Path) {
+/// Removes what is being made in a folder, and with it what a killed run left; for the run that has the folder. What cannot be removed stays.
+fn sweep(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
-    let prefix = making_prefix();
-    for entry in entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix)) {
+    let is_made = |name: &OsStr| name != LOCK && name.to_string_lossy().starts_with(MAKING);
+    for entry in entries.flatten().filter(|entry| is_made(&entry.file_name())) {
         _ = std::fs::remove_dir_all(entry.path());
     }
 }
 
+/// Removes what is being made in a folder and gives the folder up; for a run that ends at once.
+pub(crate) fn abandon(folder: &Path) {
+    sweep(folder);
+    _ = std::fs::remove_file(folder.join(LOCK));
+}
+
 impl Folder {
-    /// Creates the folder, and makes sure before any work is done that it can be written.
+    /// Creates the folder, takes it for this run, and makes sure before any work is done that it can be written.
+    ///
+    /// Errors: [`Error::File`] where that fails; [`Error::Machine`] where another run has it.
     pub(crate) fn create(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
         std::fs::create_dir_all(&path).map_err(failed("create the folder", &path))?;
-        let making = tempfile::Builder::new().prefix(&making_prefix()).tempdir_in(&path);
+        let lock = Lock::of(&path)?;
+        sweep(&path);
+        let making = tempfile::Builder::new().prefix(MAKING).tempdir_in(&path);
         let making = making.map_err(failed("write into", &path))?;
-        Ok(Self { path, making })
+        Ok(Self { path, making, _lock: lock })
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -155,5 +168,52 @@ impl ViewImages {
             ("after", &self.after),
             ("difference", &self.difference),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect()
+    }
+
+    #[test]
+    fn one_run_has_a_folder_and_leaves_nothing_but_results_in_it() {
+        let folder = tempfile::tempdir().unwrap();
+        // What a run left that was killed.
+        std::fs::create_dir(folder.path().join(".unscatter-x1y2")).unwrap();
+        std::fs::write(folder.path().join(".unscatter-x1y2/half.exr"), b"half").unwrap();
+        let first = Folder::create(folder.path()).unwrap();
+        let refused = Folder::create(folder.path()).unwrap_err();
+        let told = format!("in use by process {};", std::process::id());
+        assert!(matches!(&refused, Error::Machine(text) if text.contains(&told)), "{refused}");
+        first.write_bytes("result", b"whole").unwrap();
+        first.publish().unwrap();
+        drop(first);
+        assert_eq!(names(folder.path()), ["result"]);
+        drop(Folder::create(folder.path()).unwrap());
+        assert_eq!(names(folder.path()), ["result"]);
+    }
+
+    #[test]
+    fn of_many_at_once_one_wins() {
+        let folder = tempfile::tempdir().unwrap();
+        let barrier = std::sync::Barrier::new(10);
+        let run = || {
+            barrier.wait();
+            let mine = Folder::create(folder.path());
+            // Until all have tried.
+            barrier.wait();
+            mine.is_ok()
+        };
+        let won = std::thread::scope(|scope| {
+            let runs: Vec<_> = (0..10).map(|_| scope.spawn(run)).collect();
+            runs.into_iter().map(|run| run.join().unwrap()).filter(|&won| won).count()
+        });
+        assert_eq!(won, 1);
+        assert!(names(folder.path()).is_empty());
     }
 }

@@ -98,6 +98,10 @@ const MAX_RADIUS: f64 = 4096.0;
 /// Farther away from the picture no point of a stroke can matter, and pixels are no longer told apart in f32.
 const MAX_COORDINATE: f64 = 1e6;
 
+/// Names of results that are pictures or lie beside them.
+const RESERVED: [&str; 8] =
+    ["light_map", "coverage", "environment", "albedo", "emission", "extinction", "checkpoint", "report"];
+
 /// Names that some system keeps for its devices.
 const DEVICES: [&str; 6] = ["con", "prn", "aux", "nul", "com", "lpt"];
 
@@ -145,6 +149,9 @@ fn check_name(name: &str) -> Built<()> {
             format!("`{name}`"),
             "another name; Windows keeps this one for a device",
         ));
+    }
+    if RESERVED.contains(&lower.as_str()) || lower.starts_with("turntable_") {
+        return Err(Flaw::value("name", format!("`{name}`"), "another name; results have this one"));
     }
     Ok(())
 }
@@ -352,7 +359,20 @@ mod tests {
         for good in ["a", "left_eye-2", "0", "console", "a".repeat(64).as_str()] {
             assert!(check_name(good).is_ok(), "{good}");
         }
-        for bad in ["", "..", "a/b", "a b", "ä", "CON", "com1", "-\n", "a".repeat(65).as_str()] {
+        for bad in [
+            "",
+            "..",
+            "a/b",
+            "a b",
+            "ä",
+            "CON",
+            "com1",
+            "-\n",
+            "light_map",
+            "Coverage",
+            "turntable_7",
+            "a".repeat(65).as_str(),
+        ] {
             assert!(check_name(bad).is_err(), "{bad}");
         }
     }

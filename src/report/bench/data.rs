@@ -371,6 +371,8 @@ pub fn csv(rows: &[impl Serialize]) -> Result<String> {
 fn cell(value: &serde_json::Value) -> String {
     let text = match value {
         serde_json::Value::Null => String::new(),
+        // To a spreadsheet this would be a formula.
+        serde_json::Value::String(text) if text.starts_with(['=', '+', '-', '@']) => format!("'{text}"),
         serde_json::Value::String(text) => text.clone(),
         other => other.to_string(),
     };
@@ -412,6 +414,13 @@ mod tests {
             kept_bytes: 0,
             peak_bytes: None,
         }
+    }
+
+    #[test]
+    fn a_cell_is_no_formula_to_a_spreadsheet() {
+        let cells = ["=1+1", "@x", "-a", "plain", "a,=b"].map(|text| cell(&text.into()));
+        assert_eq!(cells, ["'=1+1", "'@x", "'-a", "plain", "\"a,=b\""]);
+        assert_eq!(cell(&serde_json::json!(-1.5)), "-1.5");
     }
 
     #[test]
