@@ -1,13 +1,22 @@
-use std::time::Duration;
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::out;
 use crate::job::{Iteration, Observer, Step, Wish};
 
-/// A bar on standard error that moves as a job goes; nothing is drawn where that is not a terminal.
+/// How long nothing is said where there is no terminal.
+const SILENCE: Duration = Duration::from_secs(30);
+
+/// A bar on standard error that moves as a job goes; where that is no terminal, a line now and then.
 #[derive(Debug)]
 pub(crate) struct Bar {
     bar: ProgressBar,
+    /// When the last line was written; none where the bar moves, or nothing is to be said.
+    spoken: Option<Instant>,
+    step: String,
+    parts: Option<u64>,
     /// How often to ask for pictures of what there is so far.
     preview_every: Option<usize>,
 }
@@ -17,7 +26,8 @@ impl Bar {
         let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let bar = ProgressBar::with_draw_target(None, target);
         bar.enable_steady_tick(Duration::from_millis(100));
-        let mut bar = Self { bar, preview_every: None };
+        let spoken = (!quiet && !std::io::stderr().is_terminal()).then(Instant::now);
+        let mut bar = Self { bar, spoken, step: String::new(), parts: None, preview_every: None };
         bar.begins(&Step { name: "reading", within: "", parts: None });
         bar
     }
@@ -25,6 +35,14 @@ impl Bar {
     /// The same, which asks for a preview every so many iterations.
     pub(crate) fn with_previews(self, every: Option<u32>) -> Self {
         Self { preview_every: every.map(|every| every as usize), ..self }
+    }
+
+    /// Says where it is, when nothing was said for long.
+    fn speak(&mut self, how_far: &str) {
+        if let Some(spoken) = self.spoken.filter(|spoken| spoken.elapsed() >= SILENCE) {
+            out::remark(&format!("{}{how_far}\n", out::visible(&self.step)));
+            self.spoken = Some(spoken + spoken.elapsed());
+        }
     }
 
     /// Takes the bar away.
@@ -49,12 +67,18 @@ impl Observer for Bar {
         self.bar.set_prefix("");
         self.bar.reset_elapsed();
         let comma = if step.within.is_empty() { "" } else { ", " };
-        self.bar.set_message(format!("{}{comma}{}", step.within, step.name));
+        self.step = format!("{}{comma}{}", step.within, step.name);
+        self.parts = step.parts;
+        self.bar.set_message(self.step.clone());
+        self.speak("");
     }
 
     fn advances(&mut self, done: u64, remark: &str) {
         self.bar.set_position(done);
         self.bar.set_prefix(remark.to_owned());
+        let parts = self.parts.map_or(String::new(), |parts| format!(" {done} of {parts}"));
+        let comma = if remark.is_empty() { "" } else { ", " };
+        self.speak(&format!("{parts}{comma}{remark}"));
     }
 
     fn iterated(&mut self, at: &Iteration<'_>) -> Wish {
