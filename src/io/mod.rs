@@ -3,6 +3,7 @@
 mod checkpoint;
 pub mod gltf;
 pub mod image;
+pub(crate) mod machine;
 pub mod npy;
 mod numbers;
 pub mod obj;

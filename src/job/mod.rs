@@ -18,7 +18,6 @@ mod findings;
 mod folder;
 mod light_map;
 mod live;
-mod machine;
 mod matrix;
 mod memory;
 mod observer;
@@ -40,6 +39,8 @@ use crate::scene::{Scene, VolumeScene};
 use crate::visibility::Geometry;
 use crate::{Error, Result, io};
 
+pub use crate::io::machine::{default_budget, free_memory, peak_memory, processor};
+
 pub(crate) use asked::AskedProblem;
 #[cfg(feature = "gpu")]
 pub(crate) use compute::device;
@@ -47,7 +48,6 @@ pub(crate) use engine::Engine;
 pub use engine::{Backend, EngineChoice};
 pub(crate) use folder::Folder;
 pub use live::{LiveJob, Preview, Standing};
-pub use machine::{default_budget, free_memory, peak_memory, processor};
 pub use matrix::Exported;
 #[cfg(feature = "cli")]
 pub(crate) use memory::mebibytes;

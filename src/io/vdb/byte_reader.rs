@@ -16,6 +16,10 @@ impl<'p> ByteReader<'p, BufReader<File>> {
     /// Errors: [`Error::File`].
     pub(super) fn open(path: &'p Path) -> Result<Self> {
         let refused = |source| Error::File { action: "read", path: path.to_owned(), source };
+        // Asked for before it is opened, as opening a pipe waits for someone to write into it.
+        if !std::fs::metadata(path).map_err(refused)?.is_file() {
+            return Err(refused(std::io::Error::other("it is a folder or a device")));
+        }
         Self::new(BufReader::new(File::open(path).map_err(refused)?), path)
     }
 }
@@ -27,6 +31,11 @@ impl<'p, R: Read + Seek> ByteReader<'p, R> {
         source.end = source.bytes.seek(SeekFrom::End(0)).map_err(|error| source.refused(error))?;
         source.go_to(0)?;
         Ok(source)
+    }
+
+    /// The file.
+    pub(super) fn path(&self) -> &'p Path {
+        self.path
     }
 
     /// How far into the file the next byte is.
