@@ -4,6 +4,7 @@ mod checkpoint;
 pub mod gltf;
 pub mod image;
 pub(crate) mod input;
+pub(crate) mod machine;
 pub mod npy;
 mod numbers;
 pub mod obj;

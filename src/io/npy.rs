@@ -56,10 +56,12 @@ where
     })
 }
 
-/// Reads an array of 16-, 32- or 64-bit floats or of bytes in C order, of either byte order: its shape and its values.
+/// Reads an array of floats (16, 32 or 64 bits), whole numbers (8 to 64 bits, with or without a sign) or truth values,
+/// of either byte order and in C or Fortran order: its shape, and its values in C order. Whole numbers are taken as
+/// their values, true as 1.
 ///
-/// Errors: [`Error::File`] when it cannot be read; [`Error::Format`] when it is no such array, is in Fortran order, is
-/// shorter than its header says, or holds a value that is not finite as a 32-bit float.
+/// Errors: [`Error::File`] when it cannot be read; [`Error::Format`] when it is no such array, is shorter than its
+/// header says, or holds a value that is not finite as a 32-bit float.
 pub fn read_f32(path: &Path) -> Result<(Vec<usize>, Vec<f32>)> {
     let (file, bytes) = input::open(path)?;
     read_array(&mut BufReader::new(file), bytes).map_err(|fault| match fault {
@@ -237,7 +239,7 @@ impl From<io::Error> for ArrayFault {
 
 fn read_array(file: &mut impl Read, bytes: u64) -> Result<(Vec<usize>, Vec<f32>), ArrayFault> {
     let array = Array::read(file, bytes)?;
-    let values = match array.encoding.read_samples(file, array.count)? {
+    let values = match array.read_samples(file)? {
         Samples::F32(values) => values,
         Samples::F16(values) => values.into_iter().map(f32::from).collect(),
     };
@@ -253,8 +255,10 @@ pub(super) struct Array {
     /// The last axis is the fastest.
     pub(super) shape: Vec<usize>,
     /// The product of the shape.
-    pub(super) count: usize,
-    pub(super) encoding: Encoding,
+    count: usize,
+    encoding: Encoding,
+    /// Whether the first axis is the fastest in the file.
+    is_turned: bool,
 }
 
 impl Array {
@@ -265,21 +269,63 @@ impl Array {
             ArrayFault::Content(format!("its header cannot be understood: {}", text.trim_end()))
         })?;
         let encoding = encoding_of(header.dtype)?;
-        if header.fortran_order && header.shape.len() > 1 {
-            let reason = "it is in Fortran order; save it with numpy.ascontiguousarray".to_owned();
-            return Err(ArrayFault::Content(reason));
-        }
+        let is_turned = header.fortran_order && header.shape.len() > 1;
         let available = bytes.saturating_sub(header_bytes);
         let fits = |&count: &usize| {
             count.checked_mul(encoding.width()).is_some_and(|needed| needed as u64 <= available)
         };
         match product(&header.shape).filter(fits) {
-            Some(count) => Ok(Self { shape: header.shape, count, encoding }),
+            Some(count) => Ok(Self { shape: header.shape, count, encoding, is_turned }),
             None => Err(ArrayFault::Content(format!(
                 "it holds {available} bytes, which are too few for the shape {:?}",
                 header.shape
             ))),
         }
+    }
+
+    /// Bytes that reading its values takes.
+    pub(super) fn bytes(&self) -> u64 {
+        self.encoding.bytes(self.count) * if self.is_turned { 2 } else { 1 }
+    }
+
+    /// The values, the last axis the fastest.
+    pub(super) fn read_samples(&self, file: &mut impl Read) -> io::Result<Samples> {
+        Ok(match self.encoding.read_samples(file, self.count)? {
+            Samples::F32(values) => Samples::F32(self.in_order(values)?),
+            Samples::F16(values) => Samples::F16(self.in_order(values)?),
+        })
+    }
+
+    /// The values, the last axis the fastest, in double precision.
+    pub(super) fn read_doubles(&self, file: &mut impl Read) -> io::Result<Vec<f64>> {
+        self.in_order(self.encoding.read_doubles(file, self.count)?)
+    }
+
+    /// Values of the file, so that the last axis is the fastest.
+    fn in_order<T: Copy>(&self, values: Vec<T>) -> io::Result<Vec<T>> {
+        if !self.is_turned {
+            return Ok(values);
+        }
+        let mut ordered = Vec::new();
+        ordered.try_reserve_exact(self.count).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
+        let mut index = vec![0; self.shape.len()];
+        let mut from = 0;
+        for _ in 0..self.count {
+            ordered.push(values[from]);
+            // On to the next place in our order; `from` follows it in the order of the file.
+            let mut place = self.count;
+            for (axis, &length) in self.shape.iter().enumerate().rev() {
+                place /= length;
+                from += place;
+                index[axis] += 1;
+                if index[axis] < length {
+                    break;
+                }
+                from -= place * length;
+                index[axis] = 0;
+            }
+        }
+        Ok(ordered)
     }
 }
 
@@ -345,16 +391,24 @@ fn value_of<'t>(text: &'t str, key: &str) -> Option<&'t str> {
 
 fn encoding_of(dtype: &str) -> Result<Encoding, ArrayFault> {
     let kind = match dtype.get(1..) {
+        Some("b1") => NumberType::Bool,
+        Some("i1") => NumberType::I8,
+        Some("i2") => NumberType::I16,
+        Some("i4") => NumberType::I32,
+        Some("i8") => NumberType::I64,
         Some("u1") => NumberType::U8,
+        Some("u2") => NumberType::U16,
+        Some("u4") => NumberType::U32,
+        Some("u8") => NumberType::U64,
         Some("f2") => NumberType::F16,
         Some("f4") => NumberType::F32,
         Some("f8") => NumberType::F64,
         _ => return Err(unknown_values(dtype)),
     };
+    let encoding = Encoding { kind, big_endian: dtype.starts_with('>') };
     match dtype.as_bytes()[0] {
-        b'<' => Ok(Encoding { kind, big_endian: false }),
-        b'>' => Ok(Encoding { kind, big_endian: true }),
-        b'|' if kind == NumberType::U8 => Ok(Encoding { kind, big_endian: false }),
+        b'<' | b'>' => Ok(encoding),
+        b'|' if encoding.width() == 1 => Ok(encoding),
         _ => Err(unknown_values(dtype)),
     }
 }
@@ -443,9 +497,59 @@ mod tests {
         for (dtype, data) in files {
             assert_eq!(read(&npy(&header(dtype), &data.concat())).unwrap(), (vec![2], vec![0.5, -3.25]));
         }
-        assert!(reason(&npy(&header("<i8"), &[0; 16])).contains("astype('float32')"));
+        assert!(reason(&npy(&header("<c8"), &[0; 16])).contains("astype('float32')"));
+        assert!(reason(&npy(&header("|i8"), &[0; 16])).contains("astype('float32')"));
         assert!(reason(&npy(&header("<f8"), &1e300_f64.to_le_bytes().repeat(2))).contains("value 0"));
         assert!(reason(&npy(&header("<f4"), &f32::NAN.to_le_bytes().repeat(2))).contains("value 0"));
+    }
+
+    #[test]
+    fn whole_numbers_of_every_width_and_byte_order_are_their_values() {
+        let header =
+            |dtype: &str| format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': (2,), }}\n");
+        let files = [
+            ("|b1", vec![0, 1], [0.0, 1.0]),
+            ("|i1", vec![0xf9, 3], [-7.0, 3.0]),
+            ("|u1", vec![0xf9, 3], [249.0, 3.0]),
+            ("<i2", vec![0xf9, 0xff, 1, 2], [-7.0, 513.0]),
+            (">i2", vec![0xff, 0xf9, 2, 1], [-7.0, 513.0]),
+            ("<u2", vec![0xf9, 0xff, 1, 2], [65529.0, 513.0]),
+            (">u2", vec![0xff, 0xf9, 2, 1], [65529.0, 513.0]),
+            ("<i4", [-7_i32, 70_000].map(i32::to_le_bytes).concat(), [-7.0, 7e4]),
+            (">i4", [-7_i32, 70_000].map(i32::to_be_bytes).concat(), [-7.0, 7e4]),
+            ("<u4", [1 << 31, 70_000_u32].map(u32::to_le_bytes).concat(), [2147483648.0, 7e4]),
+            (">u4", [1 << 31, 70_000_u32].map(u32::to_be_bytes).concat(), [2147483648.0, 7e4]),
+            ("<i8", [-7_i64, 1 << 40].map(i64::to_le_bytes).concat(), [-7.0, 1099511627776.0]),
+            (">i8", [-7_i64, 1 << 40].map(i64::to_be_bytes).concat(), [-7.0, 1099511627776.0]),
+            ("<u8", [7_u64, 1 << 63].map(u64::to_le_bytes).concat(), [7.0, 9.223372e18]),
+            (">u8", [7_u64, 1 << 63].map(u64::to_be_bytes).concat(), [7.0, 9.223372e18]),
+        ];
+        for (dtype, data, numbers) in files {
+            let found = read(&npy(&header(dtype), &data)).unwrap();
+            assert_eq!(found, (vec![2], numbers.to_vec()), "{dtype}");
+        }
+    }
+
+    #[test]
+    fn arrays_in_fortran_order_are_those_in_c_order() {
+        let of = |order: &str, shape: &str, numbers: &[i16]| {
+            let header = format!("{{'descr': '>i2', 'fortran_order': {order}, 'shape': {shape}, }}\n");
+            read(&npy(&header, &numbers.iter().flat_map(|n| n.to_be_bytes()).collect::<Vec<_>>())).unwrap()
+        };
+        assert_eq!(of("True", "(2, 3)", &[1, 4, 2, 5, 3, 6]), of("False", "(2, 3)", &[1, 2, 3, 4, 5, 6]));
+        // The value at (i, j, k, c) is ijkc.
+        let shape = [2_usize, 3, 4, 3];
+        let number = |[i, j, k, c]: [usize; 4]| (1000 * i + 100 * j + 10 * k + c) as i16;
+        let mut fortran = Vec::new();
+        let mut c_order = Vec::new();
+        for n in 0..72 {
+            fortran.push(number([n % 2, n / 2 % 3, n / 6 % 4, n / 24]));
+            c_order.push(number([n / 36, n / 12 % 3, n / 3 % 4, n % 3]));
+        }
+        assert_ne!(fortran, c_order);
+        let text = format!("{shape:?}").replace('[', "(").replace(']', ")");
+        assert_eq!(of("True", &text, &fortran), of("False", &text, &c_order));
+        assert_eq!(of("True", "(0, 3)", &[]), (vec![0, 3], vec![]));
     }
 
     #[test]
@@ -456,7 +560,7 @@ mod tests {
         };
         assert_eq!(read(&with("False", "(2, 3)")).unwrap().0, [2, 3]);
         assert_eq!(read(&with("True", "(6,)")).unwrap().0, [6]);
-        assert!(reason(&with("True", "(2, 3)")).contains("Fortran order"));
+        assert_eq!(read(&with("True", "(2, 3)")).unwrap().0, [2, 3]);
         let huge = ["(2, 4)", "(4294967296, 4294967296, 4)", "(99999999999999999999999,)", "(-1, 6)", "6"];
         for shape in huge {
             assert!(!reason(&with("False", shape)).is_empty(), "{shape}");

@@ -13,8 +13,18 @@ const AT_ONCE: usize = 1 << 13;
 /// What a number in a file is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NumberType {
-    /// Whole numbers from 0 to 255.
+    /// A byte that is 0 for false, which counts as 0; all others count as 1.
+    Bool,
+    /// Whole numbers of 8 to 64 bits, with a sign.
+    I8,
+    I16,
+    I32,
+    I64,
+    /// Whole numbers of 8 to 64 bits, without a sign.
     U8,
+    U16,
+    U32,
+    U64,
     /// Half precision.
     F16,
     /// Single precision.
@@ -33,12 +43,19 @@ pub(super) struct Encoding {
 impl Encoding {
     /// Bytes a number.
     pub(super) fn width(self) -> usize {
+        use NumberType::{Bool, F16, F32, F64, I8, I16, I32, I64, U8, U16, U32, U64};
         match self.kind {
-            NumberType::U8 => 1,
-            NumberType::F16 => 2,
-            NumberType::F32 => 4,
-            NumberType::F64 => 8,
+            Bool | I8 | U8 => 1,
+            I16 | U16 | F16 => 2,
+            I32 | U32 | F32 => 4,
+            I64 | U64 | F64 => 8,
         }
+    }
+
+    /// Bytes that `count` numbers take in memory: those of [`Samples`].
+    pub(super) fn bytes(self, count: usize) -> u64 {
+        let width = if self.kind == NumberType::F16 { size_of::<f16>() } else { size_of::<f32>() };
+        count as u64 * width as u64
     }
 
     /// Reads `count` numbers. Half precision stays what it is; everything else becomes single.
@@ -46,20 +63,32 @@ impl Encoding {
     /// The memory for all of them is asked for first: `count` must have been held against the length of the file.
     pub(super) fn read_samples(self, file: &mut impl Read, count: usize) -> io::Result<Samples> {
         Ok(match self.kind {
-            NumberType::U8 => Samples::F32(self.read(file, count, |[byte]: [u8; 1]| f32::from(byte))?),
             NumberType::F16 => Samples::F16(self.read(file, count, f16::from_le_bytes)?),
-            NumberType::F32 => Samples::F32(self.read(file, count, f32::from_le_bytes)?),
-            NumberType::F64 => {
-                Samples::F32(self.read(file, count, |bytes| f64::from_le_bytes(bytes) as f32)?)
-            }
+            _ => Samples::F32(self.numbers(file, count, |number| number as f32)?),
         })
     }
 
-    /// Reads `count` numbers without loss.
+    /// Reads `count` numbers in double precision, which only whole numbers beyond 2⁵³ are rounded to.
     pub(super) fn read_doubles(self, file: &mut impl Read, count: usize) -> io::Result<Vec<f64>> {
+        self.numbers(file, count, |number| number)
+    }
+
+    fn numbers<T>(self, file: &mut impl Read, count: usize, of: impl Fn(f64) -> T) -> io::Result<Vec<T>> {
         match self.kind {
-            NumberType::F64 => self.read(file, count, f64::from_le_bytes),
-            _ => Ok(self.read_samples(file, count)?.iter().map(f64::from).collect()),
+            NumberType::Bool => {
+                self.read(file, count, |[byte]: [u8; 1]| of(if byte == 0 { 0.0 } else { 1.0 }))
+            }
+            NumberType::I8 => self.read(file, count, |bytes| of(i8::from_le_bytes(bytes).into())),
+            NumberType::I16 => self.read(file, count, |bytes| of(i16::from_le_bytes(bytes).into())),
+            NumberType::I32 => self.read(file, count, |bytes| of(i32::from_le_bytes(bytes).into())),
+            NumberType::I64 => self.read(file, count, |bytes| of(i64::from_le_bytes(bytes) as f64)),
+            NumberType::U8 => self.read(file, count, |bytes| of(u8::from_le_bytes(bytes).into())),
+            NumberType::U16 => self.read(file, count, |bytes| of(u16::from_le_bytes(bytes).into())),
+            NumberType::U32 => self.read(file, count, |bytes| of(u32::from_le_bytes(bytes).into())),
+            NumberType::U64 => self.read(file, count, |bytes| of(u64::from_le_bytes(bytes) as f64)),
+            NumberType::F16 => self.read(file, count, |bytes| of(f16::from_le_bytes(bytes).into())),
+            NumberType::F32 => self.read(file, count, |bytes| of(f32::from_le_bytes(bytes).into())),
+            NumberType::F64 => self.read(file, count, |bytes| of(f64::from_le_bytes(bytes))),
         }
     }
 
@@ -150,6 +179,28 @@ mod tests {
 
     #[test]
     fn numbers_of_every_kind_are_read_in_either_order() {
+        let whole: [(NumberType, Vec<u8>, [f32; 2]); 9] = [
+            (NumberType::Bool, vec![0, 2], [0.0, 1.0]),
+            (NumberType::I8, [-7_i8, 100].map(i8::to_le_bytes).concat(), [-7.0, 100.0]),
+            (NumberType::I16, [-700_i16, 10_000].map(i16::to_le_bytes).concat(), [-700.0, 10_000.0]),
+            (NumberType::I32, [-70_000_i32, 1 << 30].map(i32::to_le_bytes).concat(), [-7e4, 1073741824.0]),
+            (NumberType::I64, [-70_000_i64, 1 << 40].map(i64::to_le_bytes).concat(), [-7e4, 1099511627776.0]),
+            (NumberType::U8, vec![7, 255], [7.0, 255.0]),
+            (NumberType::U16, [7_u16, 65_535].map(u16::to_le_bytes).concat(), [7.0, 65_535.0]),
+            (NumberType::U32, [7_u32, 1 << 31].map(u32::to_le_bytes).concat(), [7.0, 2147483648.0]),
+            (NumberType::U64, [7_u64, 1 << 63].map(u64::to_le_bytes).concat(), [7.0, 9.223372e18]),
+        ];
+        for (kind, bytes, numbers) in whole {
+            let little = Encoding { kind, big_endian: false };
+            let turned: Vec<u8> =
+                bytes.chunks(little.width()).flat_map(|number| number.iter().rev().copied()).collect();
+            for (encoding, bytes) in [(little, &bytes), (Encoding { kind, big_endian: true }, &turned)] {
+                let samples = encoding.read_samples(&mut bytes.as_slice(), 2).unwrap();
+                assert_eq!(samples, Samples::F32(numbers.to_vec()), "{kind:?}");
+                let doubles = encoding.read_doubles(&mut bytes.as_slice(), 2).unwrap();
+                assert_eq!(doubles, numbers.map(f64::from), "{kind:?}");
+            }
+        }
         let cases: [(NumberType, Vec<u8>); 3] = [
             (NumberType::F16, [0.5, -3.25].map(|v| f16::from_f32(v).to_le_bytes()).concat()),
             (NumberType::F32, [0.5_f32, -3.25].map(f32::to_le_bytes).concat()),

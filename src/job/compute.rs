@@ -147,7 +147,7 @@ impl ProblemSolve<'_> {
 
 /// The processor, in words.
 fn processor() -> String {
-    format!("{}, {} threads", super::machine::processor(), rayon::current_num_threads())
+    format!("{}, {} threads", super::processor(), rayon::current_num_threads())
 }
 
 /// What a graphics adapter was given to do; `trips` counts its round trips after each iteration.

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use super::compute::Computed;
-use super::machine;
 use super::steps::Timings;
 use crate::Result;
 use crate::operator::Scalars;
@@ -162,7 +161,7 @@ impl Findings<'_> {
             ("everything_else".to_owned(), self.computed.other_bytes),
         ]);
         memory.extend(self.settings.memory.map(|budget| ("budget".to_owned(), budget)));
-        memory.extend(machine::peak_memory().map(|peak| ("peak".to_owned(), peak)));
+        memory.extend(super::peak_memory().map(|peak| ("peak".to_owned(), peak)));
         memory
     }
 

@@ -1,6 +1,6 @@
 //! What a job takes, and what it may take.
 
-use super::machine;
+use super::default_budget;
 use crate::march::{FurtherWeights, ViewRay};
 use crate::operator::Tiling;
 use crate::problem::{Constraint, Optics, Problem, constraints, light_bytes, vectors};
@@ -116,7 +116,7 @@ impl MemoryBudget {
 
 /// Bytes that may be used.
 fn allowed(settings: &SolveSettings) -> u64 {
-    settings.memory.unwrap_or_else(machine::default_budget)
+    settings.memory.unwrap_or_else(default_budget)
 }
 
 /// Bytes that the metric takes at most.

@@ -19,7 +19,6 @@ mod folder;
 mod light_map;
 mod live;
 mod lock;
-mod machine;
 mod matrix;
 mod memory;
 mod observer;
@@ -43,6 +42,8 @@ use crate::scene::{Scene, VolumeScene};
 use crate::visibility::Geometry;
 use crate::{Error, Result, io};
 
+pub use crate::io::machine::{default_budget, free_memory, peak_memory, processor};
+
 pub(crate) use asked::AskedProblem;
 #[cfg(feature = "gpu")]
 pub(crate) use compute::device;
@@ -50,7 +51,6 @@ pub(crate) use engine::Engine;
 pub use engine::{Backend, EngineChoice};
 pub(crate) use folder::{Folder, abandon};
 pub use live::{LiveJob, Preview, Standing};
-pub use machine::{default_budget, free_memory, peak_memory, processor};
 pub use matrix::Exported;
 #[cfg(feature = "cli")]
 pub(crate) use memory::mebibytes;

@@ -5,28 +5,56 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use crate::Result;
 use crate::io::gltf::{GltfCamera, GltfScene};
 use crate::io::transforms::Shot;
 use crate::io::volume::Stored;
-use crate::io::{image, obj, transforms, volume};
-use crate::scene::{Image, Mesh, Rgb, RgbaImage};
+use crate::io::{image, machine, obj, transforms, volume};
+use crate::scene::{Image, Mesh, Rgb, RgbaImage, VoxelGrid};
+use crate::{Error, Result};
 
 use super::file_name::{FileName, folder_of};
 use super::gltf_node::GltfNode;
+use super::size::MemorySize;
 
 /// Reads files relative to a scene file.
 #[derive(Debug)]
 pub(super) struct Assets {
     folder: PathBuf,
+    /// Bytes that what is read may take, each thing by itself.
+    pub(super) budget: u64,
     /// Each glTF file is read once: light, cameras and occluders often share one.
     scenes: HashMap<PathBuf, GltfScene>,
 }
 
 impl Assets {
-    /// Files beside `scene_file`.
+    /// Files beside `scene_file`, within the memory that a solve may take when nothing is said about it.
     pub(super) fn beside(scene_file: &Path) -> Self {
-        Self { folder: folder_of(scene_file), scenes: HashMap::new() }
+        Self {
+            folder: folder_of(scene_file),
+            budget: machine::default_budget(),
+            scenes: HashMap::new(),
+        }
+    }
+
+    /// The same within the memory that a document allows, if it says so.
+    pub(super) fn within(self, memory: Option<MemorySize>) -> Self {
+        Self { budget: memory.map_or(self.budget, |memory| memory.0), ..self }
+    }
+
+    /// Errors: [`Error::TooLarge`] when `bytes`, which `what` is about to take, exceed the budget.
+    pub(super) fn allow(&self, what: &str, bytes: u64) -> Result<()> {
+        if bytes <= self.budget {
+            return Ok(());
+        }
+        // Above and below, so that the two numbers never look the same.
+        let mebibytes = |bytes: f64| format!("{bytes:.0} MiB");
+        let of = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+        Err(Error::TooLarge {
+            what: what.to_owned(),
+            needed: mebibytes(of(bytes).ceil()),
+            limit: mebibytes(of(self.budget).floor()),
+            remedy: "raise solve.memory, or lower its size",
+        })
     }
 
     /// Direction and colour of a glTF sun.
@@ -66,7 +94,12 @@ impl Assets {
 
     /// A volume.
     pub(super) fn volume(&self, file: &FileName, member: Option<&str>) -> Result<Stored> {
-        volume::read(&self.path(file)?, member)
+        volume::read_within(&self.path(file)?, member, &|bytes| self.allow(&file.to_string(), bytes))
+    }
+
+    /// Where a volume lies, if its file says so.
+    pub(super) fn volume_place(&self, file: &FileName, member: Option<&str>) -> Result<Option<VoxelGrid>> {
+        volume::place(&self.path(file)?, member, &|bytes| self.allow(&file.to_string(), bytes))
     }
 
     /// Cameras of a `transforms.json`, each with the picture that it took and, where there is one, its mask. Names in that file are

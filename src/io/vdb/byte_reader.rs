@@ -29,6 +29,11 @@ impl<'p, R: Read + Seek> ByteReader<'p, R> {
         Ok(source)
     }
 
+    /// The file.
+    pub(super) fn path(&self) -> &'p Path {
+        self.path
+    }
+
     /// How far into the file the next byte is.
     pub(super) fn at(&self) -> u64 {
         self.at

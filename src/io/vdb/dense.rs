@@ -47,10 +47,10 @@ impl IndexBox {
         self.min[0] > self.max[0]
     }
 
-    /// Voxels a side.
+    /// Voxels a side; `what` is named in errors.
     ///
     /// Errors: [`Error::TooLarge`] for more than `max_voxels` or [`VoxelGrid::MAX_SIDE`] a side.
-    pub(super) fn size(&self, grid: &str, max_voxels: usize) -> Result<[usize; 3]> {
+    pub(super) fn size(&self, what: String, max_voxels: usize) -> Result<[usize; 3]> {
         let size: [i64; 3] = std::array::from_fn(|axis| self.max[axis] - self.min[axis] + 1);
         let side = size.map(|side| usize::try_from(side).unwrap_or(0));
         let voxels = side.iter().try_fold(1, |product: usize, &side| product.checked_mul(side));
@@ -59,7 +59,7 @@ impl IndexBox {
             return Ok(side);
         }
         Err(Error::TooLarge {
-            what: format!("the box of active voxels of the VDB grid `{grid}`"),
+            what,
             needed: format!("{} × {} × {} voxels", size[0], size[1], size[2]),
             limit: format!("{max_voxels} in all and {} a side", VoxelGrid::MAX_SIDE),
             remedy: "crop or resample the grid",

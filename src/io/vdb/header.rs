@@ -1,3 +1,4 @@
+use std::collections::HashMap;
 use std::io::{Read, Seek};
 
 use super::byte_reader::ByteReader;
@@ -70,6 +71,7 @@ impl Header {
         for _ in 0..count {
             grids.push(Descriptor::read(source)?);
         }
+        number_namesakes(&mut grids);
         Ok(Self { version, compression, grids })
     }
 
@@ -81,17 +83,41 @@ impl Header {
             return Ok(only);
         }
         let wanted = name.unwrap_or("density");
-        let named = |grid: &&Descriptor| grid.name == wanted;
-        let shares = |grid: &&Descriptor| grid.name == format!("{wanted}[0]");
-        let found = self.grids.iter().find(named).or_else(|| self.grids.iter().find(shares));
-        found.ok_or_else(|| {
-            let names: Vec<_> = self.grids.iter().map(|grid| format!("`{}`", grid.name)).collect();
-            match (names.as_slice(), name) {
-                ([], _) => "it holds no grids".to_owned(),
-                (_, Some(name)) => format!("it has no grid `{name}`, but {}", names.join(", ")),
-                (_, None) => format!("it has several grids, name one of {}", names.join(", ")),
+        let is_one_of_many = |grid: &Descriptor| {
+            let number = grid.name.strip_prefix(wanted).and_then(|rest| rest.strip_prefix('['));
+            number.is_some_and(|number| number.ends_with(']'))
+        };
+        let mut found: Vec<_> = self.grids.iter().filter(|grid| grid.name == wanted).collect();
+        if found.is_empty() {
+            found = self.grids.iter().filter(|grid| is_one_of_many(grid)).collect();
+        }
+        if let [only] = found[..] {
+            return Ok(only);
+        }
+        let shown = |grid: &Descriptor| format!("`{}`", grid.name);
+        let names: Vec<_> = self.grids.iter().map(shown).collect();
+        Err(match (names.is_empty(), found.is_empty(), name) {
+            (true, ..) => "it holds no grids".to_owned(),
+            (_, false, _) => {
+                let found: Vec<_> = found.into_iter().map(shown).collect();
+                format!("it has several grids `{wanted}`, name one of {}", found.join(", "))
             }
+            (.., Some(name)) => format!("it has no grid `{name}`, but {}", names.join(", ")),
+            (.., None) => format!("it has several grids, name one of {}", names.join(", ")),
         })
+    }
+}
+
+/// Numbers the grids that share a name where the file does not.
+fn number_namesakes(grids: &mut [Descriptor]) {
+    let mut count: HashMap<String, usize> = HashMap::new();
+    grids.iter().for_each(|grid| *count.entry(grid.name.clone()).or_default() += 1);
+    count.retain(|_, count| *count > 1);
+    for grid in grids.iter_mut().rev() {
+        if let Some(left) = count.get_mut(&grid.name) {
+            *left -= 1;
+            grid.name = format!("{}[{left}]", grid.name);
+        }
     }
 }
 
@@ -124,26 +150,36 @@ impl Descriptor {
 pub(super) struct Metadata {
     /// Whether numbers are stored in half precision, where that is said.
     pub(super) half: Option<bool>,
+    /// Whether the grid holds distances to a surface.
+    pub(super) is_level_set: bool,
 }
 
 impl Metadata {
     /// Errors: [`Error::Format`](crate::Error::Format).
     pub(super) fn read<R: Read + Seek>(source: &mut ByteReader<R>) -> Result<Self> {
-        let mut half = None;
+        let (mut half, mut is_level_set) = (None, false);
         for _ in 0..source.u32()? {
             let name = source.text()?;
             source.text()?;
             match (name.as_str(), source.u32()?) {
                 (SAVED_AS_HALF, 1) => half = Some(source.u8()? != 0),
+                (CLASS, size) if size == LEVEL_SET.len() as u32 => {
+                    is_level_set = source.array()? == *LEVEL_SET
+                }
                 (_, size) => source.skip(size.into())?,
             }
         }
-        Ok(Self { half })
+        Ok(Self { half, is_level_set })
     }
 }
 
 /// Says that a grid is stored in half precision.
 pub(super) const SAVED_AS_HALF: &str = "is_saved_as_half_float";
+
+/// Says what a grid is for.
+pub(super) const CLASS: &str = "class";
+/// It holds distances to a surface, negative inside.
+pub(super) const LEVEL_SET: &[u8; 9] = b"level set";
 
 /// A text with its length before it.
 pub(super) fn text(text: &str) -> Vec<u8> {

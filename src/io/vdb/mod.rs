@@ -26,5 +26,6 @@ mod values;
 mod write;
 
 pub use packing::Compression;
+pub(super) use read::{Boxed, place, read_within};
 pub use read::{names, read};
 pub use write::{WriteOptions, write};

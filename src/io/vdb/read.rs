@@ -10,22 +10,53 @@ use super::packing::Compression;
 use super::transform;
 use super::tree::{Node, Tree};
 use super::values::Decoder;
-use crate::Result;
 use crate::scene::{Samples, Volume, VoxelGrid};
+use crate::{Error, Result};
 
 /// Reads one grid of a VDB file: the box of its active voxels, in single precision.
 ///
 /// Without a name this is the only grid, or `density` among several. Grids that share a name are `name[0]`,
-/// `name[1]`, … Inactive voxels inside the box have the value that the file gives them: the background where it
+/// `name[1]`, …, and the name alone is none of them. Inactive voxels inside the box have the value that the file gives them: the background where it
 /// stores none. Memory: the box, at most 2²⁹ voxels, and a few bytes for each leaf of the file.
 ///
 /// Errors: [`Error::File`](crate::Error::File) where the file cannot be read; [`Error::Format`](crate::Error::Format)
 /// where it is damaged, has no such grid (the names are listed), or the grid has other values than `float` and
-/// `Vec3s`, shares its voxels with another grid, lies in the frustum of a camera or has no active voxel;
-/// [`Error::TooLarge`](crate::Error::TooLarge) for a box of more than 2²⁹ voxels or 4096 a side;
-/// [`Error::NonFinite`](crate::Error::NonFinite) naming a voxel.
+/// `Vec3s`, is a level set, shares its voxels with another grid, lies in the frustum of a camera or has no active
+/// voxel; [`Error::TooLarge`](crate::Error::TooLarge) for a box of more than 2²⁹ voxels or 4096 a side;
+/// [`Error::NonFinite`](crate::Error::NonFinite) naming an index of the grid.
 pub fn read(path: &Path, grid: Option<&str>) -> Result<Volume> {
-    read_from(ByteReader::open(path)?, grid, MAX_DENSE)
+    Ok(read_within(path, grid, &|_| Ok(()))?.volume)
+}
+
+/// The box of active voxels of a grid.
+pub(in crate::io) struct Boxed {
+    pub(in crate::io) volume: Volume,
+    /// The index of its first voxel.
+    pub(in crate::io) first: [i64; 3],
+    /// The value outside: the background.
+    pub(in crate::io) outside: [f32; 3],
+}
+
+/// [`read`], once `allow` has said that the box may take so many bytes.
+pub(in crate::io) fn read_within(
+    path: &Path,
+    grid: Option<&str>,
+    allow: &dyn Fn(u64) -> Result<()>,
+) -> Result<Boxed> {
+    read_from(ByteReader::open(path)?, grid, Limits { voxels: MAX_DENSE, allow })
+}
+
+/// Where the box of active voxels of a grid lies.
+///
+/// Errors: those of [`read`], but for values.
+pub(in crate::io) fn place(path: &Path, grid: Option<&str>) -> Result<VoxelGrid> {
+    let source = &mut ByteReader::open(path)?;
+    let header = Header::read(source)?;
+    let grid = begin(source, &header, grid)?;
+    match grid.tree.as_str() {
+        SCALARS => Ok(survey::<_, 1>(source, &header, grid, MAX_DENSE)?.voxels),
+        _ => Ok(survey::<_, 3>(source, &header, grid, MAX_DENSE)?.voxels),
+    }
 }
 
 /// The names of the grids in a VDB file, in its order.
@@ -36,13 +67,38 @@ pub fn names(path: &Path) -> Result<Vec<String>> {
     Ok(header.grids.into_iter().map(|grid| grid.name).collect())
 }
 
-/// [`read`] from anything that has bytes, and at most so many voxels.
+/// What a dense box may take.
+#[derive(Clone, Copy)]
+pub(super) struct Limits<'a> {
+    pub(super) voxels: usize,
+    /// Whether it may take so many bytes.
+    pub(super) allow: &'a dyn Fn(u64) -> Result<()>,
+}
+
+const SCALARS: &str = "Tree_float_5_4_3";
+const VECTORS: &str = "Tree_vec3s_5_4_3";
+
+/// [`read`] from anything that has bytes.
 pub(super) fn read_from<R: Read + Seek>(
     mut source: ByteReader<R>,
     grid: Option<&str>,
-    max_voxels: usize,
-) -> Result<Volume> {
-    let header = Header::read(&mut source)?;
+    limits: Limits,
+) -> Result<Boxed> {
+    let source = &mut source;
+    let header = Header::read(source)?;
+    let grid = begin(source, &header, grid)?;
+    match grid.tree.as_str() {
+        SCALARS => survey::<R, 1>(source, &header, grid, limits.voxels)?.fill(limits),
+        _ => survey::<R, 3>(source, &header, grid, limits.voxels)?.fill(limits),
+    }
+}
+
+/// Chooses a grid of [`SCALARS`] or [`VECTORS`] and goes to where it begins.
+fn begin<'h, R: Read + Seek>(
+    source: &mut ByteReader<R>,
+    header: &'h Header,
+    grid: Option<&str>,
+) -> Result<&'h Descriptor> {
     let grid = header.choose(grid).map_err(|reason| source.broken(reason))?;
     source.go_to(grid.start)?;
     source.end_at(grid.end);
@@ -51,8 +107,7 @@ pub(super) fn read_from<R: Read + Seek>(
         return Err(source.broken(format!("{reason}; read that one, or save the file without instances")));
     }
     match grid.tree.as_str() {
-        "Tree_float_5_4_3" => volume::<R, 1>(&mut source, &header, grid, max_voxels),
-        "Tree_vec3s_5_4_3" => volume::<R, 3>(&mut source, &header, grid, max_voxels),
+        SCALARS | VECTORS => Ok(grid),
         tree => Err(source.broken(format!("its grid `{}` holds {}", grid.name, kind_of(tree)))),
     }
 }
@@ -76,18 +131,38 @@ fn kind_of(tree: &str) -> String {
     format!("{kind} (`{tree}`); only `float` and `Vec3s` in the tree 5, 4, 3 are read")
 }
 
-/// Two passes over the tree, as the box is known only after the first: so nothing but the box itself is kept dense.
-fn volume<R: Read + Seek, const C: usize>(
-    source: &mut ByteReader<R>,
+/// A tree whose box is known.
+struct Survey<'s, 'p, R, const C: usize> {
+    tree: Tree<'s, 'p, R, C>,
+    /// Where the tree begins.
+    start: u64,
+    /// The grid, in words.
+    what: String,
+    bounds: IndexBox,
+    voxels: VoxelGrid,
+    leaves: Vec<[i64; 3]>,
+}
+
+/// The first of two passes over a tree, as its box is known only after that: so nothing but the box is kept dense.
+fn survey<'s, 'p, R: Read + Seek, const C: usize>(
+    source: &'s mut ByteReader<'p, R>,
     header: &Header,
     grid: &Descriptor,
     max_voxels: usize,
-) -> Result<Volume> {
+) -> Result<Survey<'s, 'p, R, C>> {
     let (compression, active_only) = packing(source, header)?;
     let metadata = Metadata::read(source)?;
+    if metadata.is_level_set {
+        return Err(source.broken(format!(
+            "its grid `{}` is a level set, which holds distances to a surface; save it as a fog volume \
+             (sdfToFogVolume of OpenVDB, `Convert VDB` from SDF to fog in Houdini)",
+            grid.name
+        )));
+    }
     let world_from_index = transform::read(source)?;
     let decoder = Decoder::new(compression, active_only, metadata.half.unwrap_or(grid.half));
     let start = source.at();
+    let what = format!("the grid `{}` of {}", grid.name, source.path().display());
     let mut tree = Tree::<R, C> { source, decoder, version: header.version };
 
     let mut bounds = IndexBox::EMPTY;
@@ -101,20 +176,38 @@ fn volume<R: Read + Seek, const C: usize>(
     if bounds.is_empty() {
         return Err(tree.source.broken(format!("its grid `{}` has no active voxel", grid.name)));
     }
-    let size = bounds.size(&grid.name, max_voxels)?;
+    let size = bounds.size(format!("the box of active voxels of {what}"), max_voxels)?;
     let world_from_grid = placed(world_from_index, bounds.min);
     let voxels = VoxelGrid::new(size, world_from_grid)
         .map_err(|error| tree.source.broken(format!("the transform of its grid `{}`: {error}", grid.name)))?;
+    Ok(Survey { tree, start, what, bounds, voxels, leaves })
+}
 
-    let mut dense = DenseGrid::new(bounds.min, size, tree.decoder.background)?;
-    tree.source.go_to(start)?;
-    tree.topology(&mut |part| {
-        if let Node::Tile { origin, side, value, .. } = part {
-            dense.fill(origin, side, value);
+impl<R: Read + Seek, const C: usize> Survey<'_, '_, R, C> {
+    /// The second pass: the values of the box.
+    fn fill(self, limits: Limits) -> Result<Boxed> {
+        let Self { mut tree, start, what, bounds, voxels, leaves } = self;
+        (limits.allow)((voxels.len() * size_of::<[f32; C]>()) as u64)?;
+        let background = tree.decoder.background;
+        let mut dense = DenseGrid::new(bounds.min, voxels.size(), background)?;
+        tree.source.go_to(start)?;
+        tree.topology(&mut |part| {
+            if let Node::Tile { origin, side, value, .. } = part {
+                dense.fill(origin, side, value);
+            }
+        })?;
+        tree.leaves(leaves, |origin, values| dense.place(origin, values))?;
+        let is_finite = |value: &[f32; C]| value.iter().all(|number| number.is_finite());
+        if let Some(index) = dense.values.iter().position(|value| !is_finite(value)) {
+            let voxel = voxels.voxel(index);
+            let [i, j, k] = std::array::from_fn(|axis| bounds.min[axis] + voxel[axis] as i64);
+            return Err(Error::NonFinite { what, place: format!("index ({i}, {j}, {k})") });
         }
-    })?;
-    tree.leaves(leaves, |origin, values| dense.place(origin, values))?;
-    Volume::new(voxels, C, Samples::F32(dense.values.into_flattened()))
+        let volume = Volume::new(voxels, C, Samples::F32(dense.values.into_flattened()))?;
+        // Grey is the same in all channels.
+        let outside = std::array::from_fn(|channel| background[channel.min(C - 1)]);
+        Ok(Boxed { volume, first: bounds.min, outside })
+    }
 }
 
 /// How a grid is packed, and whether only its active values are stored.

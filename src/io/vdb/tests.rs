@@ -11,7 +11,8 @@ use proptest::prelude::*;
 use super::byte_reader::ByteReader;
 use super::byte_writer::ByteWriter;
 use super::dense::MAX_DENSE;
-use super::read::read_from;
+use super::header::entry;
+use super::read::{Limits, read_from};
 use super::write::write_to;
 use super::{Compression, WriteOptions, names, read};
 use crate::scene::{Samples, Volume, VoxelGrid};
@@ -25,7 +26,13 @@ fn fixture(name: &str) -> PathBuf {
 }
 
 fn read_bytes(bytes: &[u8], grid: Option<&str>) -> Result<Volume> {
-    read_from(ByteReader::new(Cursor::new(bytes), Path::new("memory.vdb"))?, grid, MAX_DENSE)
+    read_few(bytes, grid, MAX_DENSE)
+}
+
+/// At most so many voxels.
+fn read_few(bytes: &[u8], grid: Option<&str>, voxels: usize) -> Result<Volume> {
+    let source = ByteReader::new(Cursor::new(bytes), Path::new("memory.vdb"))?;
+    Ok(read_from(source, grid, Limits { voxels, allow: &|_| Ok(()) })?.volume)
 }
 
 fn written(grids: &[(&str, &Volume)], options: WriteOptions) -> Vec<u8> {
@@ -113,6 +120,93 @@ fn grids_are_found_by_name() {
     let file = written(&[("a", &volume), ("b", &volume)], WriteOptions::default());
     assert!(reason(read_bytes(&file, None)).contains("several grids, name one of `a`, `b`"));
     assert!(matches!(read(Path::new("/nowhere.vdb"), None), Err(Error::File { action: "read", .. })));
+}
+
+/// Two grids of one name, with a number each as OpenVDB writes them, or without.
+fn namesakes(numbered: bool) -> Vec<u8> {
+    let volume = read(&fixture("affine"), None).unwrap();
+    let doubled = volume.map(|value| 2.0 * value).unwrap();
+    let options = WriteOptions { compression: Compression::None, half: false };
+    let mut file = written(&[("a+0", &volume), ("a+1", &doubled)], options);
+    for at in 0..file.len() - 3 {
+        match &file[at..at + 3] {
+            b"a+0" | b"a+1" if numbered => file[at + 1] = 0x1e,
+            b"a+1" => file[at + 2] = b'0',
+            _ => {}
+        }
+    }
+    file
+}
+
+#[test]
+fn grids_that_share_a_name_are_chosen_by_their_number() {
+    fn first(file: &[u8], grid: Option<&str>) -> Result<f32> {
+        read_bytes(file, grid).map(|volume| volume.color(1)[0])
+    }
+    for (numbered, name) in [(true, "a"), (false, "a+0")] {
+        let file = namesakes(numbered);
+        let value = first(&file, Some(&format!("{name}[0]"))).unwrap();
+        assert_eq!(first(&file, Some(&format!("{name}[1]"))).unwrap(), 2.0 * value);
+        let told = first(&file, Some(name)).unwrap_err().to_string();
+        assert!(
+            told.contains(&format!("several grids `{name}`, name one of `{name}[0]`, `{name}[1]`")),
+            "{told}"
+        );
+        let told = first(&file, Some("b")).unwrap_err().to_string();
+        assert!(told.contains(&format!("no grid `b`, but `{name}[0]`")), "{told}");
+    }
+    let volume = read(&fixture("affine"), None).unwrap();
+    let mut file = written(&[("density+0", &volume), ("density+1", &volume)], WriteOptions::default());
+    while let Some(at) = file.windows(8).position(|window| window == b"density+") {
+        file[at + 7] = 0x1e;
+    }
+    assert!(reason(read_bytes(&file, None)).contains("name one of `density[0]`, `density[1]`"));
+}
+
+#[test]
+fn a_level_set_is_refused_with_what_to_do() {
+    let volume = read(&fixture("affine"), None).unwrap();
+    let mut file = written(&[("a", &volume)], WriteOptions::default());
+    let [fog, class] = ["fog volume", "level set"].map(|class| entry("class", "string", class.as_bytes()));
+    let at = file.windows(fog.len()).position(|window| window == fog).unwrap();
+    // One byte shorter; another entry takes it.
+    let [fog, class] = [
+        [fog, entry("creator", "string", b"unscatter")].concat(),
+        [class, entry("creator", "string", b"unscatter.")].concat(),
+    ];
+    file[at..at + fog.len()].copy_from_slice(&class);
+    let told = reason(read_bytes(&file, None));
+    assert!(told.contains("`a` is a level set") && told.contains("sdfToFogVolume"), "{told}");
+}
+
+#[test]
+fn a_value_that_is_not_finite_is_named_by_the_index_of_the_file() {
+    let grid = VoxelGrid::new([20, 3, 9], DAffine3::IDENTITY).unwrap();
+    let active = |index: usize| grid.voxel(index)[0] >= 11 && grid.voxel(index)[2] >= 2;
+    let samples = (0..grid.len()).map(|index| if active(index) { 1.5 + index as f32 } else { 0.0 }).collect();
+    let volume = Volume::new(grid, 1, Samples::F32(samples)).unwrap();
+    let options = WriteOptions { compression: Compression::None, half: false };
+    let mut file = written(&[("a", &volume)], options);
+    let number = (1.5 + grid.index([13, 1, 7]) as f32).to_le_bytes();
+    let at = file.windows(4).position(|bytes| bytes == number).unwrap();
+    file[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    let Err(Error::NonFinite { what, place }) = read_bytes(&file, None) else { unreachable!() };
+    assert_eq!((what.as_str(), place.as_str()), ("the grid `a` of memory.vdb", "index (13, 1, 7)"));
+}
+
+#[test]
+fn memory_is_asked_for_before_the_box_is_made() {
+    let volume = read(&fixture("vec3s_blosc"), None).unwrap();
+    let file = written(&[("a", &volume)], WriteOptions::default());
+    let source = ByteReader::new(Cursor::new(&file), Path::new("memory.vdb")).unwrap();
+    let asked = std::cell::Cell::new(0);
+    let allow = |bytes| {
+        asked.set(bytes);
+        Err(Error::Interrupted)
+    };
+    let refused = read_from(source, None, Limits { voxels: MAX_DENSE, allow: &allow });
+    assert!(matches!(refused.map(|boxed| boxed.volume), Err(Error::Interrupted)));
+    assert_eq!(asked.get(), 12 * volume.grid().len() as u64);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::path::Path;
 use glam::{DAffine3, DVec3};
 
 use super::byte_writer::ByteWriter;
-use super::header::{HALF, MAGIC, SAVED_AS_HALF, WRITTEN, entry, text};
+use super::header::{CLASS, HALF, MAGIC, SAVED_AS_HALF, WRITTEN, entry, text};
 use super::packing::Compression;
 use super::sparse::{Pending, Sparse, active_voxels};
 use super::transform;
@@ -114,7 +114,7 @@ fn metadata(name: &str, volume: &Volume, options: WriteOptions) -> Vec<u8> {
     let class = if volume.channels() == 1 { "fog volume" } else { "unknown" };
     let corner = |corner: [i64; 3]| corner.map(|side| (side as i32).to_le_bytes());
     let mut entries = vec![
-        entry("class", "string", class.as_bytes()),
+        entry(CLASS, "string", class.as_bytes()),
         entry("creator", "string", b"unscatter"),
         entry("file_compression", "string", options.compression.description().as_bytes()),
         entry("file_voxel_count", "int64", &count.to_le_bytes()),

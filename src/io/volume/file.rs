@@ -1,7 +1,7 @@
 //! A volume file, and what the readers of all formats share: errors that name the file, and the limits of a volume.
 
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use glam::DAffine3;
@@ -9,6 +9,7 @@ use glam::DAffine3;
 use super::format::Format;
 use crate::io::input;
 use crate::io::npy::ArrayFault;
+use crate::io::numbers::Encoding;
 use crate::scene::{Samples, Volume, VoxelGrid};
 use crate::{Error, Result};
 
@@ -22,6 +23,10 @@ pub struct Stored {
     pub volume: Volume,
     /// Whether the file says where they lie.
     pub placed: bool,
+    /// The index that the file itself gives the first voxel: 0 but for OpenVDB.
+    pub first: [i64; 3],
+    /// What lies outside of the voxels: 0 but for OpenVDB, whose grids have a background.
+    pub outside: [f32; 3],
 }
 
 /// A file that a volume is read from.
@@ -29,6 +34,8 @@ pub struct Stored {
 pub(super) struct VolumeFile<'p> {
     pub(super) path: &'p Path,
     pub(super) format: Format,
+    /// Whether its values may take so many bytes; asked before they do.
+    pub(super) allow: &'p dyn Fn(u64) -> Result<()>,
 }
 
 impl VolumeFile<'_> {
@@ -63,6 +70,12 @@ impl VolumeFile<'_> {
 
     fn refused(self, source: io::Error) -> Error {
         Error::File { action: "read", path: self.path.to_owned(), source }
+    }
+
+    /// The next `count` numbers, once they may be taken.
+    pub(super) fn samples(self, file: &mut impl Read, encoding: Encoding, count: usize) -> Result<Samples> {
+        (self.allow)(encoding.bytes(count))?;
+        encoding.read_samples(file, count).map_err(|failed| self.stopped(failed))
     }
 
     /// How many numbers a volume has. `size` is x, y, z.
@@ -102,6 +115,7 @@ impl VolumeFile<'_> {
             }
             other => self.wrong(other.to_string()),
         })?;
-        Ok(Stored { volume, placed: world_from_grid.is_some() })
+        let placed = world_from_grid.is_some();
+        Ok(Stored { volume, placed, first: [0; 3], outside: [0.0; 3] })
     }
 }

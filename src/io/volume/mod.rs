@@ -2,13 +2,14 @@
 //!
 //! | extension | what                          | numbers           | place               |
 //! |-----------|-------------------------------|-------------------|---------------------|
-//! | `.npy`    | one NumPy array               | f16, f32, f64, u8 | none                |
-//! | `.npz`    | NumPy arrays in an archive    | f16, f32, f64, u8 | any, `world_from_grid` |
+//! | `.npy`    | one NumPy array               | f16, f32 (in: f64, whole numbers, bool) | none |
+//! | `.npz`    | NumPy arrays in an archive    | f16, f32 (in: f64, whole numbers, bool) | any, `world_from_grid` |
 //! | `.vol`    | grid volume of Mitsuba        | f32 (in: f16, u8) | a box along the axes |
 //! | `.json`   | header of a raw file          | f16, f32 (in: u8) | any                 |
 //! | `.vdb`    | OpenVDB                       | f16, f32          | any                 |
 //!
-//! Numbers keep their values (bytes are 0 to 255), except for the bytes of a `.vol`, which stand for 0 to 1.
+//! Numbers keep their values: bytes are 0 to 255, 16 bits 0 to 65535 or −32768 to 32767, true is 1. The bytes of a
+//! `.vol` alone stand for 0 to 1. NumPy arrays may be in C or Fortran order and of either byte order.
 
 mod file;
 mod format;
@@ -27,7 +28,7 @@ pub use file::{MAX_VOXELS, Stored};
 pub use format::Format;
 
 use super::vdb;
-use crate::scene::Volume;
+use crate::scene::{Volume, VoxelGrid};
 use crate::{Error, Result};
 
 /// Reads a volume in the format that its extension stands for.
@@ -39,17 +40,45 @@ use crate::{Error, Result};
 ///
 /// Cost: memory for the values, which the length of the file must make plausible before it is taken.
 pub fn read(path: &Path, member: Option<&str>) -> Result<Stored> {
-    let format = Format::of(path)?;
-    if let (Some(member), Format::Npy | Format::Vol | Format::Raw) = (member, format) {
+    read_within(path, member, &|_| Ok(()))
+}
+
+/// Reads a volume as [`read`] does, once `allow` has said that its values may take so many bytes.
+///
+/// Errors: as [`read`], and those of `allow`.
+pub fn read_within(path: &Path, member: Option<&str>, allow: &dyn Fn(u64) -> Result<()>) -> Result<Stored> {
+    let source = VolumeFile { path, format: Format::of(path)?, allow };
+    if let (Some(member), Format::Npy | Format::Vol | Format::Raw) = (member, source.format) {
         let reason = format!("it holds one volume without a name, so `{member}` cannot be chosen");
-        return Err(VolumeFile { path, format }.wrong(reason));
+        return Err(source.wrong(reason));
     }
-    match format {
-        Format::Npy => npy::read(path),
-        Format::Npz => npz::read(path, member),
-        Format::Vol => vol::read(path),
-        Format::Raw => raw::read(path),
-        Format::Vdb => vdb::read(path, member).map(|volume| Stored { volume, placed: true }),
+    match source.format {
+        Format::Npy => npy::read(source),
+        Format::Npz => npz::read(source, member),
+        Format::Vol => vol::read(source),
+        Format::Raw => raw::read(source),
+        Format::Vdb => {
+            let vdb::Boxed { volume, first, outside } = vdb::read_within(path, member, allow)?;
+            Ok(Stored { volume, placed: true, first, outside })
+        }
+    }
+}
+
+/// Where a volume lies, if its file says so. Of an OpenVDB file no values are kept for that.
+///
+/// Errors: as [`read_within`].
+pub fn place(
+    path: &Path,
+    member: Option<&str>,
+    allow: &dyn Fn(u64) -> Result<()>,
+) -> Result<Option<VoxelGrid>> {
+    match Format::of(path)? {
+        Format::Npy => Ok(None),
+        Format::Vdb => vdb::place(path, member).map(Some),
+        _ => {
+            let stored = read_within(path, member, allow)?;
+            Ok(stored.placed.then(|| *stored.volume.grid()))
+        }
     }
 }
 
@@ -66,7 +95,7 @@ pub fn read(path: &Path, member: Option<&str>) -> Result<Stored> {
 pub fn write(path: &Path, name: &str, volume: &Volume, format: Format) -> Result<()> {
     if Format::of(path).ok() != Some(format) {
         let reason = format!("its name must end in .{}", format.extension());
-        return Err(VolumeFile { path, format }.wrong(reason));
+        return Err(VolumeFile { path, format, allow: &|_| Ok(()) }.wrong(reason));
     }
     let voxels = volume.grid().len();
     if voxels > MAX_VOXELS {

@@ -3,15 +3,14 @@
 use std::io::Read;
 use std::path::Path;
 
+use super::Stored;
 use super::file::VolumeFile;
-use super::{Format, Stored};
 use crate::io::npy::{self, Array};
 use crate::io::write_whole;
 use crate::scene::{Samples, Volume};
 use crate::{Error, Result};
 
-pub(super) fn read(path: &Path) -> Result<Stored> {
-    let source = VolumeFile { path, format: Format::Npy };
+pub(super) fn read(source: VolumeFile) -> Result<Stored> {
     let (mut file, bytes) = source.open()?;
     let (size, channels, samples) = read_array(source, &mut file, bytes)?;
     source.volume(size, channels, samples, None)
@@ -33,8 +32,9 @@ pub(super) fn read_array(
             return Err(source.wrong(reason));
         }
     };
-    let count = source.count(size, channels)?;
-    let samples = array.encoding.read_samples(file, count).map_err(|failed| source.stopped(failed))?;
+    source.count(size, channels)?;
+    (source.allow)(array.bytes())?;
+    let samples = array.read_samples(file).map_err(|failed| source.stopped(failed))?;
     Ok((size, channels, samples))
 }
 

@@ -10,7 +10,7 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive};
 
 use super::file::VolumeFile;
-use super::{Format, Stored, npy};
+use super::{Stored, npy};
 use crate::io::npy::{Archive, Array, write_archive, write_array, write_samples};
 use crate::io::numbers::{affine_of_rows, rows_of_affine};
 use crate::io::whole::write_whole_seekable;
@@ -20,8 +20,7 @@ use crate::{Error, Result};
 /// The member that says where the volume lies: 4 × 4, metres from positions in voxels.
 const PLACE: &str = "world_from_grid";
 
-pub(super) fn read(path: &Path, member: Option<&str>) -> Result<Stored> {
-    let source = VolumeFile { path, format: Format::Npz };
+pub(super) fn read(source: VolumeFile, member: Option<&str>) -> Result<Stored> {
     let (file, bytes) = source.open()?;
     let archive = ZipArchive::new(file).map_err(|error| damaged(source, error))?;
     let mut arrays = Arrays { source, archive, bytes };
@@ -117,7 +116,7 @@ fn read_place(source: VolumeFile, file: &mut impl Read, bytes: u64) -> Result<DA
         let shape = array.shape;
         return Err(source.wrong(format!("the shape of {PLACE} is {shape:?} instead of (4, 4)")));
     }
-    let numbers = array.encoding.read_doubles(file, 16).map_err(|failed| source.stopped(failed))?;
+    let numbers = array.read_doubles(file).map_err(|failed| source.stopped(failed))?;
     let rows = std::array::from_fn(|row| std::array::from_fn(|column| numbers[4 * row + column]));
     affine_of_rows(&rows).map_err(|problem| source.wrong(format!("{PLACE} {problem}")))
 }

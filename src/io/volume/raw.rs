@@ -61,8 +61,7 @@ impl Header {
     }
 }
 
-pub(super) fn read(path: &Path) -> Result<Stored> {
-    let source = VolumeFile { path, format: Format::Raw };
+pub(super) fn read(source: VolumeFile) -> Result<Stored> {
     let header = read_header(source)?;
     if !is_plain_name(&header.data) {
         let reason = format!("`data` is {:?} and must be the name of a file beside it", header.data);
@@ -71,7 +70,8 @@ pub(super) fn read(path: &Path) -> Result<Stored> {
     let place = header.world_from_grid.as_ref().map(affine_of_rows).transpose();
     let place = place.map_err(|problem| source.wrong(format!("`world_from_grid` {problem}")))?;
     let count = source.count(header.size, header.channels)?;
-    let samples = read_data(&path.with_file_name(&header.data), header.encoding(), count)?;
+    let data = source.path.with_file_name(&header.data);
+    let samples = read_data(VolumeFile { path: &data, ..source }, header.encoding(), count)?;
     source.volume(header.size, header.channels, samples, place)
 }
 
@@ -91,14 +91,13 @@ fn is_plain_name(name: &str) -> bool {
     !matches!(name, "" | "." | "..") && !name.contains(separates)
 }
 
-fn read_data(path: &Path, encoding: Encoding, count: usize) -> Result<Samples> {
-    let source = VolumeFile { path, format: Format::Raw };
+fn read_data(source: VolumeFile, encoding: Encoding, count: usize) -> Result<Samples> {
     let (mut file, bytes) = source.open()?;
     let needed = (count * encoding.width()) as u64;
     if bytes != needed {
         return Err(source.wrong(format!("it has {bytes} bytes, where its header asks for {needed}")));
     }
-    encoding.read_samples(&mut file, count).map_err(|failed| source.stopped(failed))
+    source.samples(&mut file, encoding, count)
 }
 
 pub(super) fn write(path: &Path, volume: &Volume) -> Result<()> {

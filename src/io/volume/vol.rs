@@ -17,8 +17,8 @@ use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 
+use super::Stored;
 use super::file::VolumeFile;
-use super::{Format, Stored};
 use crate::io::numbers::{Encoding, NumberType, write_singles};
 use crate::io::write_whole;
 use crate::scene::{Samples, Volume, VoxelGrid};
@@ -28,8 +28,7 @@ const HEADER_BYTES: usize = 48;
 const MAGIC: &[u8; 4] = b"VOL\x03";
 const F32: i32 = 1;
 
-pub(super) fn read(path: &Path) -> Result<Stored> {
-    let source = VolumeFile { path, format: Format::Vol };
+pub(super) fn read(source: VolumeFile) -> Result<Stored> {
     let (mut file, bytes) = source.open()?;
     let mut header = [0; HEADER_BYTES];
     file.read_exact(&mut header).map_err(|failed| source.stopped(failed))?;
@@ -41,8 +40,7 @@ pub(super) fn read(path: &Path) -> Result<Stored> {
         let reason = format!("its values take {available} bytes, where its header asks for {needed}");
         return Err(source.wrong(reason));
     }
-    let samples = header.encoding.read_samples(&mut file, count).map_err(|failed| source.stopped(failed))?;
-    let samples = match samples {
+    let samples = match source.samples(&mut file, header.encoding, count)? {
         Samples::F32(values) if header.encoding.kind == NumberType::U8 => {
             Samples::F32(values.into_iter().map(|byte| byte / 255.0).collect())
         }

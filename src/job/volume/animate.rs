@@ -7,7 +7,7 @@ use super::super::engine::Engine;
 use super::super::environment::write_environment;
 use super::super::folder::Folder;
 use super::super::steps::{Steps, Timings};
-use super::super::{Options, Scenes, machine, memory};
+use super::super::{Options, Scenes, memory, peak_memory};
 use super::pictures::{nothing_asked, view_pictures};
 use super::results;
 use super::stage::Place;
@@ -312,7 +312,7 @@ fn report(animated: &AnimatedVolume, keys: &[SolvedKey], timings: &Timings) -> R
         });
     }
     let mut report = keys.last().ok_or_else(nothing_asked)?.report.clone();
-    report.memory.extend(machine::peak_memory().map(|peak| ("peak".to_owned(), peak)));
+    report.memory.extend(peak_memory().map(|peak| ("peak".to_owned(), peak)));
     let [before, after] = sums.map(relative);
     Ok(Report {
         command: "animate".to_owned(),

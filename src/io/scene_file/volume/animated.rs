@@ -2,15 +2,13 @@
 
 use std::path::Path;
 
-use glam::DAffine3;
-
 use super::animation::{Animation, Between, Key};
 use super::document::VolumeDocument;
 use super::field::{Field, FieldSource};
-use super::properties::not_negative;
+use super::place::{Place, around};
+use super::properties::EXTINCTION;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::flaw::{At, Built, Flaw};
-use crate::io::scene_file::transform::Transform;
 use crate::scene::{self, KeyFrame, VolumeMedium, VolumeScene, VoxelGrid, VoxelSet};
 use crate::{Error, Result};
 
@@ -51,8 +49,7 @@ struct Files {
     first: usize,
     /// What the names are relative to.
     assets: Assets,
-    /// Where the volume is put, if not where the files say.
-    place: Option<DAffine3>,
+    place: Place,
 }
 
 impl AnimatedVolume {
@@ -73,12 +70,17 @@ impl AnimatedVolume {
 }
 
 impl Frames {
-    /// Of an animation whose keys are on a grid.
-    fn new(animation: &Animation, document: &VolumeDocument, grid: VoxelGrid, assets: Assets) -> Built<Self> {
+    /// Of an animation whose keys are on a grid, and whose files of extinction fill `frames` together.
+    fn new(
+        animation: &Animation,
+        document: &VolumeDocument,
+        (grid, frames): (VoxelGrid, Option<VoxelGrid>),
+        assets: Assets,
+    ) -> Built<Self> {
         let source = document.volume.extinction.source();
         if animation.is_of_files(&document.volume) {
-            let place = document.volume.to_world.as_ref().map(Transform::build).transpose();
-            let (first, place) = (animation.first_file(), place.at("volume.to_world")?);
+            let place = document.volume.place(frames.as_ref(), Some(&grid)).at("volume")?;
+            let first = animation.first_file();
             return Ok(Self {
                 grid,
                 from: Origin::Files(Box::new(Files { pattern: source, first, assets, place })),
@@ -113,7 +115,9 @@ impl Frames {
                 let [from, to] = between.keys.map(|key| &keys[key].1);
                 let source = from.towards(to, between.share)?;
                 let assets = Assets::beside(Path::new(""));
-                Field::From(source).build(&assets, Some(grid.size()), Some(grid.world_from_cube())).map(Some)
+                let field = Field::From(source);
+                let volume = field.filled(&assets, Some(grid.size()), grid.world_from_cube())?;
+                field.kept(volume).map(Some)
             }
             Origin::Files(files) => files.read(frame, grid).map(Some),
         }
@@ -124,8 +128,9 @@ impl Files {
     fn read(&self, frame: usize, grid: &VoxelGrid) -> Built<scene::Volume> {
         let source = self.pattern.numbered(self.first + frame);
         let name = source.file.clone().unwrap_or_default();
-        let volume = Field::From(source).build(&self.assets, None, self.place)?;
-        not_negative(&volume)?;
+        let field = Field::From(source);
+        let stored = field.stored(&self.assets)?.ok_or_else(|| Flaw::new("", "it comes from no file"))?;
+        let volume = field.kept(EXTINCTION.of_file(stored, &self.place, grid, &self.assets)?)?;
         same_grid(&volume, grid, &format!("{name} (frame {frame})"), "the first key frame")?;
         Ok(volume)
     }
@@ -139,16 +144,20 @@ impl VolumeDocument {
         };
         let stages = self.find.stages();
         animation.check(&self.volume, &stages).at("animation")?;
-        let mut assets = Assets::beside(file);
+        let mut assets = Assets::beside(file).within(self.solve.memory);
         let first = &animation.keys[0];
         let medium = (&self.volume, &stages[..]);
-        let base = self.scene(file, &mut assets, |assets| first.medium(0, medium, animation, assets))?;
+        let mut frames = None;
+        let base = self.scene(file, &mut assets, |assets| {
+            frames = box_of_frames(animation.extinctions(&self.volume), assets)?;
+            first.medium(0, medium, animation, frames.as_ref(), assets)
+        })?;
         let grid = *base.medium.extinction.grid();
         let mut keys = Vec::with_capacity(animation.keys.len());
         for (index, key) in animation.keys.iter().enumerate() {
             let medium = match index {
                 0 => base.medium.clone(),
-                _ => key.medium(index, medium, animation, &assets)?,
+                _ => key.medium(index, medium, animation, frames.as_ref(), &assets)?,
             };
             let place = format!("animation.keys[{index}]");
             same_grids(&medium, &base.medium).at(&place)?;
@@ -156,7 +165,7 @@ impl VolumeDocument {
             key.want(&mut scene, &mut assets).at(&place)?;
             keys.push(KeyFrame { frame: key.frame, scene });
         }
-        let frames = Frames::new(animation, self, grid, assets)?;
+        let frames = Frames::new(animation, self, (grid, frames), assets)?;
         let mut is_occupied = vec![false; grid.len()];
         for frame in (0..animation.frames).filter(|frame| keys.iter().all(|key| key.frame != *frame)) {
             let place =
@@ -173,6 +182,21 @@ impl VolumeDocument {
             frames,
         })
     }
+}
+
+/// What the files of extinction of all frames fill together, where they say where they lie.
+fn box_of_frames(extinctions: Vec<(String, FieldSource)>, assets: &Assets) -> Built<Option<VoxelGrid>> {
+    let mut all: Option<VoxelGrid> = None;
+    for (path, source) in extinctions {
+        let Some(file) = &source.file else { continue };
+        let place = assets.volume_place(file, source.member.as_deref()).at("file").at(&path)?;
+        let Some(grid) = place else { continue };
+        let around = all.map_or(Ok(grid), |all| around(&all, &grid)).at(&path)?;
+        let bytes = (around.len() * size_of::<f32>()) as u64;
+        assets.allow("the box around the extinction of all frames", bytes).at(&path)?;
+        all = Some(around);
+    }
+    Ok(all)
 }
 
 /// Whether the properties of two keys can be blended.

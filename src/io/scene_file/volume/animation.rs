@@ -3,14 +3,14 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::field::Field;
+use super::field::{Field, FieldSource};
 use super::properties::Volume;
 use super::view::{KEEP, Wanted};
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, within};
 use crate::io::scene_file::view::Stroke;
-use crate::scene::{self, Find, VolumeMedium, VolumeScene};
+use crate::scene::{self, Find, VolumeMedium, VolumeScene, VoxelGrid};
 
 /// Frames at most.
 const MOST_FRAMES: usize = 10_000;
@@ -159,6 +159,23 @@ impl Animation {
         self.first_file.unwrap_or(FIRST_FILE)
     }
 
+    /// Where the extinction of keys and frames comes from, each with its path in the document.
+    pub(super) fn extinctions(&self, volume: &Volume) -> Vec<(String, FieldSource)> {
+        let of_volume = || ("volume.extinction".to_owned(), volume.extinction.source());
+        if self.is_of_files(volume) {
+            let numbered = |frame| {
+                let (path, source) = of_volume();
+                (path, source.numbered(self.first_file() + frame))
+            };
+            return (0..self.frames).map(numbered).collect();
+        }
+        let of_key = |(index, key): (usize, &Key)| match &key.extinction {
+            Some(field) => (format!("animation.keys[{index}].extinction"), field.source()),
+            None => of_volume(),
+        };
+        self.keys.iter().enumerate().map(of_key).collect()
+    }
+
     /// Whether the volume's extinction comes from numbered files.
     pub(super) fn is_of_files(&self, volume: &Volume) -> bool {
         volume.extinction.source().is_numbered()
@@ -179,12 +196,13 @@ impl KeyView {
 }
 
 impl Key {
-    /// The medium at this key before the solve.
+    /// The medium at this key before the solve; `frames` is what files of extinction fill at all frames together.
     pub(super) fn medium(
         &self,
         index: usize,
         (volume, stages): (&Volume, &[Find]),
         animation: &Animation,
+        frames: Option<&VoxelGrid>,
         assets: &Assets,
     ) -> Built<VolumeMedium> {
         let is_of_files = animation.is_of_files(volume);
@@ -205,7 +223,7 @@ impl Key {
             let number = animation.first_file() + self.frame;
             volume.extinction = Field::From(volume.extinction.source().numbered(number));
         }
-        volume.build(assets, stages).map_err(|flaw| {
+        volume.build(assets, stages, frames).map_err(|flaw| {
             let is_own = own.iter().any(|name| flaw.is_at(name));
             flaw.inside(&if is_own { format!("animation.keys[{index}]") } else { "volume".to_owned() })
         })

@@ -200,7 +200,8 @@ impl VolumeDocument {
             return Ok(self.animate(file)?.animation.keys.swap_remove(0).scene);
         }
         let stages = self.find.stages();
-        self.scene(file, &mut Assets::beside(file), |assets| self.volume.build(assets, &stages).at("volume"))
+        let mut assets = Assets::beside(file).within(self.solve.memory);
+        self.scene(file, &mut assets, |assets| self.volume.build(assets, &stages, None).at("volume"))
     }
 
     /// The scene around a medium.

@@ -14,6 +14,7 @@ use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::channels::Channels;
 use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
+use crate::io::volume::Stored;
 use crate::scene::{self, VoxelGrid};
 
 /// A property of a volume: a number or [r, g, b] for the same everywhere, or an object that says where it comes from.
@@ -93,56 +94,72 @@ impl Field {
         }
     }
 
-    /// The size that the field has by itself, if it has one: of a file or its own setting.
-    pub(super) fn build(
+    /// What its file holds, scaled; none where it comes from no file.
+    pub(super) fn stored(&self, assets: &Assets) -> Built<Option<Stored>> {
+        let source = self.source();
+        let scale = source.check()?;
+        let Some(file) = &source.file else { return Ok(None) };
+        let mut stored = assets.volume(file, source.member.as_deref()).at("file")?;
+        if scale != 1.0 {
+            stored.volume = stored.volume.map(|value| value * scale).at("scale")?;
+            stored.outside = stored.outside.map(|value| value * scale);
+        }
+        Ok(Some(stored))
+    }
+
+    /// What is constant or made, in voxels of its own number or `size` that fill a cube.
+    pub(super) fn filled(
         &self,
         assets: &Assets,
         size: Option<[usize; 3]>,
-        world_from_cube: Option<DAffine3>,
+        world_from_cube: DAffine3,
     ) -> Built<scene::Volume> {
         let source = self.source();
-        let sized = |what: &str| {
-            source.size.map(GridSize::sides).or(size).ok_or_else(|| {
+        let scale = source.check()?;
+        let grid = |what: &str| -> Built<VoxelGrid> {
+            let size = source.size.map(GridSize::sides).or(size).ok_or_else(|| {
                 Flaw::new("", format!("a {what} property needs a number of voxels; give `volume.size`"))
-            })
+            })?;
+            let grid = VoxelGrid::over_cube(size, world_from_cube).at("size")?;
+            assets.allow(&format!("a {what} property"), (grid.len() * size_of::<f32>()) as u64).at("size")?;
+            Ok(grid)
         };
-        let place = world_from_cube.unwrap_or(DAffine3::IDENTITY);
-        let volume = match (&source.value, &source.file, &source.made) {
-            (Some(value), None, None) => {
+        let volume = match (&source.value, &source.made) {
+            (Some(value), _) => {
                 let color = value.wide().map(|value| value as f32);
-                let grid = VoxelGrid::over_cube(sized("constant")?, place).at("size")?;
-                scene::Volume::constant(grid, color).at("value")?
+                scene::Volume::constant(grid("constant")?, color).at("value")?
             }
-            (None, Some(file), None) => {
-                if source.size.is_some() {
-                    return Err(Flaw::new("size", "a file has its own number of voxels; leave `size` away"));
-                }
-                let stored = assets.volume(file, source.member.as_deref()).at("file")?;
-                match world_from_cube {
-                    Some(place) => {
-                        let grid = VoxelGrid::over_cube(stored.volume.grid().size(), place)?;
-                        stored.volume.placed(grid)?
-                    }
-                    None => stored.volume,
-                }
-            }
-            (None, None, Some(shapes)) => {
+            (_, Some(shapes)) => {
                 let shapes = shapes.build().at("made")?;
-                let grid = VoxelGrid::over_cube(sized("made")?, place).at("size")?;
-                shapes.volume(grid).at("made")?
+                shapes.volume(grid("made")?).at("made")?
             }
-            _ => return Err(Flaw::new("", "give exactly one of `value`, `file` and `made`")),
+            _ => return Err(Flaw::new("file", "a file is read and not made")),
         };
-        if source.member.is_some() && source.file.is_none() {
-            return Err(Flaw::new("member", "only a file has members; leave `member` away"));
-        }
-        let scale = checked("scale", source.scale, "finite", |_| true)? as f32;
-        let volume = if scale == 1.0 { volume } else { volume.map(|value| value * scale).at("scale")? };
-        if source.half { volume.halved().at("half") } else { Ok(volume) }
+        if scale == 1.0 { Ok(volume) } else { volume.map(|value| value * scale).at("scale") }
+    }
+
+    /// The volume in as many bits as it is kept in.
+    pub(super) fn kept(&self, volume: scene::Volume) -> Built<scene::Volume> {
+        if self.source().half { volume.halved().at("half") } else { Ok(volume) }
     }
 }
 
 impl FieldSource {
+    /// The factor, where nothing is wrong with what can be said before anything is read.
+    fn check(&self) -> Built<f32> {
+        let sources = [self.value.is_some(), self.file.is_some(), self.made.is_some()];
+        if sources.iter().filter(|&&is_given| is_given).count() != 1 {
+            return Err(Flaw::new("", "give exactly one of `value`, `file` and `made`"));
+        }
+        if self.size.is_some() && self.file.is_some() {
+            return Err(Flaw::new("size", "a file has its own number of voxels; leave `size` away"));
+        }
+        if self.member.is_some() && self.file.is_none() {
+            return Err(Flaw::new("member", "only a file has members; leave `member` away"));
+        }
+        Ok(checked("scale", self.scale, "finite", |_| true)? as f32)
+    }
+
     /// Whether its file is one of many, with a run of `#` for the number.
     pub(super) fn is_numbered(&self) -> bool {
         self.file.as_ref().is_some_and(FileName::is_numbered)

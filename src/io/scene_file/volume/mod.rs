@@ -6,8 +6,11 @@ mod document;
 mod environment;
 mod field;
 mod lights;
+mod place;
 mod properties;
 mod shapes;
+#[cfg(test)]
+mod tests;
 mod view;
 
 pub use animated::AnimatedVolume;

@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
+use glam::DAffine3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::field::{Field, GridSize};
+use super::place::Place;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::channels::Channels;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked, within};
 use crate::io::scene_file::transform::Transform;
+use crate::io::volume::Stored;
 use crate::scene::{self, VolumeMedium, VoxelGrid};
 
 /// A heterogeneous medium in a box of voxels.
@@ -132,13 +135,37 @@ pub struct PropertyBounds {
 }
 
 impl Volume {
-    /// The medium. What is the same everywhere and not looked for takes one voxel.
-    pub(super) fn build(&self, assets: &Assets, looked_for: &[scene::Find]) -> Built<VolumeMedium> {
-        let place = self.to_world.as_ref().map(Transform::build).transpose().at("to_world")?;
+    /// The medium. What is the same everywhere and not looked for takes one voxel. Where extinction comes from files that
+    /// say where they lie, it is brought to `frames`, what those of all frames fill together.
+    pub(super) fn build(
+        &self,
+        assets: &Assets,
+        looked_for: &[scene::Find],
+        frames: Option<&VoxelGrid>,
+    ) -> Built<VolumeMedium> {
+        let stored = |field: &Field, name: &str| field.stored(assets).at(name);
+        let extinction = stored(&self.extinction, "extinction")?;
+        let albedo = stored(&self.albedo, "albedo")?;
+        let emission = stored(&self.emission, "emission")?;
+        let index = self.refraction.as_ref().map(|refraction| &refraction.index);
+        let index = index.map(|index| stored(index, "refraction.index")).transpose()?.flatten();
+        fn place(stored: &Option<Stored>) -> Option<&VoxelGrid> {
+            stored.as_ref().filter(|stored| stored.placed).map(|stored| stored.volume.grid())
+        }
+        let of_extinction = place(&extinction).map(|own| frames.unwrap_or(own));
+        let of_another = [&albedo, &emission, &index].into_iter().find_map(place);
+        let place = self.place(of_extinction, of_another)?;
+
         let size = self.size.map(GridSize::sides);
-        let extinction = self.extinction.build(assets, size, place).at("extinction")?;
-        let (size, place) = (size.unwrap_or(extinction.grid().size()), extinction.grid().world_from_cube());
-        let field = |field: &Field, name: &str, range: [f32; 2], expected: &str| -> Built<_> {
+        let voxels = extinction.as_ref().map(|stored| place.voxels(stored, frames)).transpose();
+        let voxels = voxels.at("extinction")?;
+        let extinction = match (extinction, voxels) {
+            (Some(stored), Some(voxels)) => EXTINCTION.of_file(stored, &place, &voxels, assets),
+            _ => EXTINCTION.filled(&self.extinction, size, place.world_from_cube, assets),
+        };
+        let extinction = extinction.and_then(|volume| self.extinction.kept(volume)).at("extinction")?;
+        let (size, voxels) = (size.unwrap_or(extinction.grid().size()), *extinction.grid());
+        let field = |field: &Field, stored: Option<Stored>, name: &str, limits: &Limits| -> Built<_> {
             use scene::Find::{Albedo, Emission, Joint};
             let is_found = looked_for.iter().any(|find| match find {
                 Emission => name == "emission",
@@ -147,14 +174,14 @@ impl Volume {
                 scene::Find::Extinction | scene::Find::Refinement | scene::Find::Environment => false,
             });
             let size = if matches!(field, Field::Constant(_)) && !is_found { [1; 3] } else { size };
-            let volume = field.build(assets, Some(size), Some(place)).at(name)?;
-            inside(&volume, range, expected).at(name)?;
-            Ok(Arc::new(volume))
+            let volume = match stored {
+                Some(stored) => limits.of_file(stored, &place, &voxels, assets),
+                None => limits.filled(field, Some(size), voxels.world_from_cube(), assets),
+            };
+            Ok(Arc::new(volume.and_then(|volume| field.kept(volume)).at(name)?))
         };
-        not_negative(&extinction).at("extinction")?;
         let refraction = self.refraction.as_ref().map(|refraction| -> Built<_> {
-            let index = field(&refraction.index, "index", [f32::MIN_POSITIVE, f32::MAX], "above 0")
-                .at("refraction")?;
+            let index = field(&refraction.index, index, "index", &INDEX).at("refraction")?;
             if index.channels() != 1 {
                 return Err(Flaw::new(
                     "refraction.index",
@@ -165,28 +192,85 @@ impl Volume {
             Ok((index, step.transpose().at("refraction")?))
         });
         Ok(VolumeMedium {
-            albedo: field(&self.albedo, "albedo", [0.0, 1.0], "from 0 to 1")?,
-            emission: field(&self.emission, "emission", [0.0, f32::MAX], "not negative")?,
+            refraction: refraction.transpose()?,
+            albedo: field(&self.albedo, albedo, "albedo", &ALBEDO)?,
+            emission: field(&self.emission, emission, "emission", &EMISSION)?,
             g: checked("g", self.g, "inside (-1, 1)", |g| g > -1.0 && g < 1.0)?,
             interpolation: self.interpolation.into(),
-            refraction: refraction.transpose()?,
             extinction: Arc::new(extinction),
         })
     }
+
+    /// Where it lies when its files of extinction, or else another, lie there.
+    pub(super) fn place(
+        &self,
+        of_extinction: Option<&VoxelGrid>,
+        of_another: Option<&VoxelGrid>,
+    ) -> Built<Place> {
+        let to_world = self.to_world.as_ref().map(Transform::build).transpose().at("to_world")?;
+        Ok(Place::new(to_world, of_extinction, of_another, self.interpolation.into()))
+    }
 }
 
-/// Whether no extinction is negative; a flaw that names the first voxel where one is.
-pub(super) fn not_negative(extinction: &scene::Volume) -> Built<()> {
-    inside(extinction, [0.0, f32::MAX], "not negative")
+/// The values that a property may have.
+pub(super) struct Limits {
+    least: f32,
+    greatest: f32,
+    expected: &'static str,
+    /// What it is where a file says nothing.
+    outside: f32,
 }
 
-/// Whether all values are in a range; a flaw that names the first voxel where they are not.
-fn inside(volume: &scene::Volume, [low, high]: [f32; 2], expected: &str) -> Built<()> {
-    let wrong = volume.samples().iter().position(|value| !(low <= value && value <= high));
-    let Some(index) = wrong else { return Ok(()) };
-    let [i, j, k] = volume.grid().voxel(index / volume.channels());
-    let value = volume.samples().get(index);
-    Err(Flaw::new("", format!("{value} in voxel ({i}, {j}, {k}) is not allowed; it must be {expected}")))
+pub(super) const EXTINCTION: Limits =
+    Limits { least: 0.0, greatest: f32::MAX, expected: "not negative", outside: 0.0 };
+const ALBEDO: Limits = Limits { least: 0.0, greatest: 1.0, expected: "from 0 to 1", outside: 0.0 };
+const EMISSION: Limits = EXTINCTION;
+const INDEX: Limits =
+    Limits { least: f32::MIN_POSITIVE, greatest: f32::MAX, expected: "above 0", outside: 1.0 };
+
+impl Limits {
+    /// What a file holds, in the box that `voxels` fill.
+    pub(super) fn of_file(
+        &self,
+        mut stored: Stored,
+        place: &Place,
+        voxels: &VoxelGrid,
+        assets: &Assets,
+    ) -> Built<scene::Volume> {
+        self.check(&stored.volume, stored.first)?;
+        if !stored.outside.iter().all(|&value| self.has(value)) {
+            stored.outside = [self.outside; 3];
+        }
+        place.put(stored, voxels, assets)
+    }
+
+    /// What is constant or made.
+    fn filled(
+        &self,
+        field: &Field,
+        size: Option<[usize; 3]>,
+        world_from_cube: DAffine3,
+        assets: &Assets,
+    ) -> Built<scene::Volume> {
+        let volume = field.filled(assets, size, world_from_cube)?;
+        self.check(&volume, [0; 3])?;
+        Ok(volume)
+    }
+
+    fn has(&self, value: f32) -> bool {
+        self.least <= value && value <= self.greatest
+    }
+
+    /// Whether all values are allowed; a flaw that names the first voxel where they are not, counted from `first`.
+    fn check(&self, volume: &scene::Volume, first: [i64; 3]) -> Built<()> {
+        let wrong = volume.samples().iter().position(|value| !self.has(value));
+        let Some(index) = wrong else { return Ok(()) };
+        let voxel = volume.grid().voxel(index / volume.channels());
+        let [i, j, k] = std::array::from_fn(|axis| first[axis] + voxel[axis] as i64);
+        let value = volume.samples().get(index);
+        let expected = self.expected;
+        Err(Flaw::new("", format!("{value} in voxel ({i}, {j}, {k}) is not allowed; it must be {expected}")))
+    }
 }
 
 impl Extinction {
@@ -287,6 +371,6 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 /// Voxels of the cached light.
 pub(super) fn light_size(size: Option<GridSize>) -> Built<Option<[usize; 3]>> {
     let Some(size) = size else { return Ok(None) };
-    VoxelGrid::new(size.sides(), glam::DAffine3::IDENTITY)?;
+    VoxelGrid::new(size.sides(), DAffine3::IDENTITY)?;
     Ok(Some(size.sides()))
 }

@@ -1,7 +1,7 @@
 //! Files put together byte by byte: old versions, and what no writer makes.
 
 use super::*;
-use crate::io::vdb::header::{HALF, MAGIC, entry, text};
+use crate::io::vdb::header::{HALF, MAGIC, text};
 use crate::io::vdb::transform;
 
 /// A file of one grid without metadata, under a scale of 2.

@@ -13,11 +13,11 @@ const SOON: Duration = Duration::from_secs(5);
 
 /// Reads every grid; whether it is an error does not matter.
 fn survive(bytes: &[u8]) {
-    let source = || ByteReader::new(Cursor::new(bytes), Path::new("memory.vdb")).unwrap();
+    let mut source = ByteReader::new(Cursor::new(bytes), Path::new("memory.vdb")).unwrap();
     let start = Instant::now();
-    if let Ok(header) = Header::read(&mut source()) {
+    if let Ok(header) = Header::read(&mut source) {
         for grid in header.grids.iter().take(3) {
-            let _ = read_from(source(), Some(&grid.name), FEW);
+            let _ = read_few(bytes, Some(&grid.name), FEW);
         }
     }
     assert!(start.elapsed() < SOON, "{:?}", start.elapsed());
@@ -171,7 +171,5 @@ fn two_voxels_far_apart_are_too_large() {
     let volume = Volume::new(grid, 1, Samples::F32(samples)).unwrap();
     let file = written(&[("a", &volume)], WriteOptions::default());
     assert_eq!(read_bytes(&file, None).unwrap(), volume);
-    let limited =
-        read_from(ByteReader::new(Cursor::new(&file), Path::new("memory.vdb")).unwrap(), None, 8191);
-    assert!(matches!(limited, Err(Error::TooLarge { .. })));
+    assert!(matches!(read_few(&file, None, 8191), Err(Error::TooLarge { .. })));
 }

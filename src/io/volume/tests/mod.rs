@@ -90,7 +90,7 @@ proptest! {
         for format in OURS {
             let (folder, path) = folder_for(format);
             write(&path, "density", &volume, format).unwrap();
-            let Stored { volume: found, placed } = read(&path, None).unwrap();
+            let Stored { volume: found, placed, .. } = read(&path, None).unwrap();
             prop_assert!(is_same(&found, &volume), "{:?}", format);
             let changed = with_changed_value(&volume, at.index(volume.samples().len()));
             prop_assert!(!is_same(&found, &changed), "a changed value goes unseen in {:?}", format);

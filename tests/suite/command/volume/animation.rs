@@ -140,6 +140,8 @@ fn of_files() -> Value {
     let mut scene = moving("blend");
     scene["volume"]["extinction"] = json!({ "file": "smoke_###.vdb" });
     scene["volume"]["size"] = json!(12);
+    // The files say where they lie.
+    scene["volume"].as_object_mut().unwrap().remove("to_world");
     scene["animation"]["first_file"] = json!(7);
     scene["animation"]["keys"][1].as_object_mut().unwrap().remove("extinction");
     scene
@@ -153,7 +155,17 @@ fn the_extinction_of_frames_can_come_from_numbered_files() {
     for frame in 0..5 {
         let drawn = read(&desk.path(&format!("out/frame_{frame:04}_extinction.npz")), None).unwrap().volume;
         let given = read(&desk.path(&format!("smoke_{:03}.vdb", frame + 7)), None).unwrap().volume;
-        assert!((0..drawn.grid().len()).all(|index| drawn.color(index) == given.color(index)), "{frame}");
+        // Each file has a box of active voxels of its own, and the frames share the one around them.
+        for index in 0..drawn.grid().len() {
+            let centre = drawn.grid().centre(drawn.grid().voxel(index));
+            let at = given.grid().grid_from_world().transform_point3(centre).floor().as_i64vec3().to_array();
+            let is_inside = at.iter().zip(given.grid().size()).all(|(&at, side)| (0..side as i64).contains(&at));
+            let expected = match is_inside {
+                true => given.color(given.grid().index(at.map(|at| at as usize))),
+                false => [0.0; 3],
+            };
+            assert_eq!(drawn.color(index), expected, "voxel {index} of frame {frame}");
+        }
     }
     assert_eq!(desk.json("out/report.json")["animation"]["between"], "files");
     std::fs::remove_file(desk.path("smoke_009.vdb")).unwrap();
@@ -162,8 +174,6 @@ fn the_extinction_of_frames_can_come_from_numbered_files() {
         assert!(desk.names("again").is_empty());
     };
     refused("smoke_009.vdb");
-    put_files(&desk, 2..3, 10);
-    refused("all frames must have the same");
 }
 
 #[test]

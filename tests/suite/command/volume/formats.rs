@@ -33,7 +33,6 @@ fn results_are_written_in_every_format_and_read_as_starts() {
     }
     for format in Format::ALL {
         let file = format!("volume.emission={{\"file\": \"out/emission.{}\"}}", format.extension());
-        // Bounding boxes differ from the albedo's grid, so emission is looked for alone.
         let arguments = ["volume", "scene.json", "-q", "--turntable", "0", "--iterations", "2"];
         desk.done(&[&arguments[..], &["--find", "emission", "--set", &file, "-o", format.name()]].concat());
     }
