@@ -1,14 +1,20 @@
 //! Geometry, cameras and suns from glTF 2.0 files (`.gltf` and `.glb`).
 //!
-//! What is read: triangles of all kinds with their node transforms, base colour and alpha of materials,
-//! perspective cameras, directional lights. Skins, morph targets and animations are not applied.
+//! What is read: triangles of all kinds with the transforms of their nodes and instances, base colour and
+//! alpha of materials, perspective cameras, directional lights. Skins, morph targets and animations are not
+//! applied.
 
 mod accessor;
+mod extensions;
 mod file;
+mod instances;
 mod material;
 mod node_tree;
+mod picture;
 mod triangles;
+mod unread;
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use glam::{DAffine3, DVec3};
@@ -44,7 +50,7 @@ impl GltfScene {
     /// Reads a `.gltf` or `.glb` file and the buffers that it names.
     ///
     /// Errors: [`crate::Error::File`] for a file that cannot be read; [`crate::Error::Format`] for one that is truncated, is
-    /// not glTF 2.0, requires an extension that is not known here, or has a broken node hierarchy.
+    /// not glTF 2.0, requires an extension that changes shapes and is not read, or has a broken node hierarchy.
     pub fn load(path: &Path) -> Result<Self> {
         let file = GltfFile::load(path)?;
         let tree = NodeTree::new(&file)?;
@@ -56,17 +62,27 @@ impl GltfScene {
     /// Albedo is the base colour factor times the linear mean of its texture. Materials with alpha mode `MASK`
     /// keep their texture's alpha as a mask; `BLEND` is read as a mask with cut-off 0.5. Each node with triangles is an object.
     ///
-    /// Errors: [`crate::Error::Format`] for an unknown name (the message lists the nearest ones), data that is broken or no
-    /// triangles at all; [`crate::Error::File`] for textures that cannot be read; [`crate::Error::TooLarge`].
-    pub fn mesh(&self, node: Option<&str>) -> Result<Mesh> {
+    /// Triangles are counted before any is made. A warning tells what is left out.
+    ///
+    /// Errors: [`crate::Error::Format`] for an unknown name (the message lists the nearest ones), data that is
+    /// broken or no triangles at all; [`crate::Error::File`] for textures that cannot be read;
+    /// [`crate::Error::TooLarge`] for more than `most_triangles`, or too large textures.
+    pub fn mesh(&self, node: Option<&str>, most_triangles: usize) -> Result<Mesh> {
         let nodes = match node {
-            Some(name) => self.tree.below(self.find(name, "node", |_| true)?),
+            Some(name) => self.tree.below([self.find(name, "node", |_| true)?]),
             None => self.tree.scene(&self.file)?,
         };
-        let mesh = triangles::collect(&self.file, &self.tree, &nodes)?;
+        let (mesh, left_out) = triangles::collect(&self.file, &self.tree, &nodes, most_triangles)?;
         if mesh.triangles.is_empty() {
             let place = node.map_or("the scene".into(), |name| format!("the node `{name}`"));
-            return Err(self.file.broken(format!("{place} has no triangles")));
+            let reason = match left_out {
+                0 => format!("{place} has no triangles"),
+                _ => format!(
+                    "{place} has no triangles that are there: the alpha of their material is below its cut-off \
+                     ({left_out} left out); raise the material's alpha, or make it opaque"
+                ),
+            };
+            return Err(self.file.broken(reason));
         }
         Ok(mesh)
     }
@@ -81,7 +97,8 @@ impl GltfScene {
         let (Checked::Valid(CameraType::Perspective), Some(lens)) = (camera.type_, &camera.perspective)
         else {
             return Err(self.file.broken(format!(
-                "the camera `{node}` is orthographic; make it a perspective one in the modelling program"
+                "the camera `{node}` is orthographic; make it a perspective one in the modelling \
+                 program, or write the camera into the scene file"
             )));
         };
         Ok(GltfCamera {
@@ -129,7 +146,7 @@ impl GltfScene {
             [] => Err(self.file.broken("it has no directional light (KHR_lights_punctual)".into())),
             _ => Err(self.file.broken(format!(
                 "it has several directional lights; choose one by its node: {}",
-                quoted(&self.sun_names())
+                listed(&self.sun_names())
             ))),
         }
     }
@@ -147,10 +164,8 @@ impl GltfScene {
             (0..nodes.len()).filter(|&index| nodes[index].name.as_deref() == Some(name)).collect();
         let mut holders: Vec<usize> = named.iter().copied().filter(|&index| has(&nodes[index])).collect();
         if holders.is_empty() {
-            holders = named.iter().flat_map(|&index| self.tree.below(index)).collect();
+            holders = self.tree.below(named);
             holders.retain(|&index| has(&nodes[index]));
-            holders.sort_unstable();
-            holders.dedup();
         }
         match holders[..] {
             [index] => Ok(index),
@@ -165,18 +180,25 @@ impl GltfScene {
 /// At most this many names in a message.
 const NAMES: usize = 12;
 
+/// Names that are equally near come in the order of the file.
 fn unknown(name: &str, what: &str, mut names: Vec<String>) -> String {
-    names.sort_by_cached_key(|other| {
-        (strsim::damerau_levenshtein(&name.to_lowercase(), &other.to_lowercase()), other.clone())
-    });
-    names.dedup();
+    let mut known = HashSet::new();
+    names.retain(|name| known.insert(name.clone()));
     if names.is_empty() {
         return format!("it has no {what} `{name}`, and none with a name at all");
     }
-    let more = names.len().saturating_sub(NAMES);
-    names.truncate(NAMES);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    format!("it has no {what} `{name}`; there are {}{more}", quoted(&names))
+    let sought = name.to_lowercase();
+    names.sort_by_cached_key(|other| strsim::damerau_levenshtein(&sought, &other.to_lowercase()));
+    format!("it has no {what} `{name}`; there are {}", listed(&names))
+}
+
+/// The first names, and how many more there are.
+fn listed(names: &[String]) -> String {
+    let shown = &names[..names.len().min(NAMES)];
+    match names.len() - shown.len() {
+        0 => quoted(shown),
+        more => format!("{} and {more} more", quoted(shown)),
+    }
 }
 
 fn quoted(names: &[String]) -> String {

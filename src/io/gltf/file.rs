@@ -3,31 +3,18 @@
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use base64::Engine;
 use gltf_json::root::Get;
 use gltf_json::{Index, Root};
+use serde_json::Value;
 
+use super::picture::Pictures;
+use super::{extensions, unread};
 use crate::{Error, Result};
 
-/// Extensions that a file may require: known here, or without influence on shape, albedo and alpha.
-const EXTENSIONS: [&str; 13] = [
-    "KHR_lights_punctual",
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
-    "KHR_materials_unlit",
-    "KHR_materials_ior",
-    "KHR_materials_specular",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_clearcoat",
-    "KHR_materials_sheen",
-    "KHR_materials_anisotropy",
-    "KHR_materials_iridescence",
-    "KHR_materials_dispersion",
-    "KHR_materials_variants",
-];
-
-/// No single file is read beyond this many bytes.
+/// Neither a single file nor all buffers together are read beyond this many bytes.
 const MAX_FILE: u64 = 1 << 32;
 
 /// A parsed file with its buffers. Nothing in it has been checked: indices go through [`GltfFile::get`].
@@ -36,6 +23,9 @@ pub(super) struct GltfFile {
     pub(super) path: PathBuf,
     pub(super) root: Root,
     pub(super) buffers: Vec<Vec<u8>>,
+    pub(super) pictures: Pictures,
+    /// What was said already about what is left out.
+    warnings: Mutex<Vec<String>>,
 }
 
 /// The JSON chunk of a binary container, and the binary chunk where there is one; chunks of other kinds are skipped
@@ -75,40 +65,44 @@ fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>), String> {
 impl GltfFile {
     pub(super) fn load(path: &Path) -> Result<Self> {
         let bytes = read_file(path)?;
-        let mut gltf = Self { path: path.into(), root: Root::default(), buffers: Vec::new() };
+        let mut gltf = Self {
+            path: path.into(),
+            root: Root::default(),
+            buffers: Vec::new(),
+            pictures: Pictures::default(),
+            warnings: Mutex::default(),
+        };
         let mut blob = None;
         gltf.root = if bytes.starts_with(b"glTF") {
             let (json, binary) = chunks(&bytes).map_err(|problem| gltf.broken(problem))?;
             blob = binary.map(<[u8]>::to_vec);
             gltf.parse(json)?
         } else {
-            gltf.parse(&bytes)?
+            gltf.parse(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes))?
         };
-        gltf.check_header()?;
+        gltf.check_version()?;
+        extensions::check(&gltf)?;
         gltf.read_buffers(blob)?;
         Ok(gltf)
     }
 
     fn parse(&self, json: &[u8]) -> Result<Root> {
-        Root::from_slice(json).map_err(|error| self.broken(error.to_string()))
+        let mut value: Value =
+            serde_json::from_slice(json).map_err(|error| self.broken(error.to_string()))?;
+        unread::remove(&mut value);
+        serde_path_to_error::deserialize(value).map_err(|error| self.broken(error.to_string()))
     }
 
-    fn check_header(&self) -> Result<()> {
+    fn check_version(&self) -> Result<()> {
         let version = &self.root.asset.version;
-        if !version.starts_with("2.") {
-            return Err(self.broken(format!("its version is {version}; 2.0 is needed")));
+        if version.starts_with("2.") {
+            return Ok(());
         }
-        let required = &self.root.extensions_required;
-        match required.iter().find(|name| !EXTENSIONS.contains(&name.as_str())) {
-            Some(name) => Err(self.broken(format!(
-                "it requires the extension {name}, which is not supported; export it without (no mesh or texture \
-                 compression)"
-            ))),
-            None => Ok(()),
-        }
+        Err(self.broken(format!("its version is {version}; 2.0 is needed")))
     }
 
     fn read_buffers(&mut self, mut blob: Option<Vec<u8>>) -> Result<()> {
+        let mut total = 0;
         for (index, buffer) in self.root.buffers.iter().enumerate() {
             let bytes = match &buffer.uri {
                 Some(uri) => self.read_uri(uri)?,
@@ -120,6 +114,10 @@ impl GltfFile {
             if (bytes.len() as u64) < buffer.byte_length.0 {
                 let (got, needed) = (bytes.len(), buffer.byte_length.0);
                 return Err(self.broken(format!("buffer {index} has {got} bytes instead of {needed}")));
+            }
+            total += bytes.len() as u64;
+            if total > MAX_FILE {
+                return Err(too_large(&self.path, total));
             }
             self.buffers.push(bytes);
         }
@@ -168,6 +166,20 @@ impl GltfFile {
         self.root.get(index)
     }
 
+    /// Says, once, what of the file is left out or means something else here.
+    pub(super) fn warn(&self, what: String) {
+        let mut said = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
+        if !said.contains(&what) {
+            tracing::warn!("{}: {what}", self.path.display());
+            said.push(what);
+        }
+    }
+
+    #[cfg(test)]
+    pub(super) fn warnings(&self) -> Vec<String> {
+        self.warnings.lock().unwrap().clone()
+    }
+
     pub(super) fn broken(&self, reason: String) -> Error {
         Error::Format { path: self.path.clone(), format: "glTF", reason }
     }
@@ -181,16 +193,20 @@ fn read_file(path: &Path) -> Result<Vec<u8>> {
         return Err(failed(std::io::Error::other("it is not a file")));
     }
     if metadata.len() > MAX_FILE {
-        return Err(Error::TooLarge {
-            what: path.display().to_string(),
-            needed: format!("{} bytes", metadata.len()),
-            limit: format!("{MAX_FILE}"),
-            remedy: "split the scene",
-        });
+        return Err(too_large(path, metadata.len()));
     }
     let mut bytes = Vec::with_capacity(metadata.len() as usize);
     file.take(MAX_FILE).read_to_end(&mut bytes).map_err(failed)?;
     Ok(bytes)
+}
+
+fn too_large(path: &Path, bytes: u64) -> Error {
+    Error::TooLarge {
+        what: path.display().to_string(),
+        needed: format!("{bytes} bytes"),
+        limit: format!("{MAX_FILE}"),
+        remedy: "split the scene",
+    }
 }
 
 /// With %20 and the like replaced by what they stand for.

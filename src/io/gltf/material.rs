@@ -1,17 +1,15 @@
 //! Base colour and alpha of materials.
 
-use std::io::Cursor;
-use std::sync::{Arc, LazyLock};
-
 use gltf_json::Index;
+use gltf_json::image::Image;
 use gltf_json::material::{AlphaMode, Material as JsonMaterial};
-use gltf_json::texture::{Info, WrappingMode};
+use gltf_json::texture::{Info, Texture, WrappingMode};
 use gltf_json::validation::Checked;
-use image::{DynamicImage, ImageReader};
+use serde_json::Value;
 
 use super::file::GltfFile;
 use crate::Result;
-use crate::scene::{AlphaMask, Material, Rgb, Wrap};
+use crate::scene::{Material, Wrap};
 
 /// What a glTF material means here.
 #[derive(Debug, Clone)]
@@ -19,6 +17,8 @@ pub(super) struct Surface {
     pub(super) material: Material,
     /// The surface is nowhere: its alpha is below its cut-off everywhere.
     pub(super) is_invisible: bool,
+    /// Light goes through what it is made of, which nothing here does.
+    pub(super) is_glass: bool,
     pub(super) coordinates: Coordinates,
 }
 
@@ -66,8 +66,7 @@ pub(super) fn read(file: &GltfFile, index: Option<Index<JsonMaterial>>, sets: &[
         Some(index) => file.get(index).ok_or_else(|| file.broken(format!("material {index} is missing")))?,
         None => &default,
     };
-    let base = &json.pbr_metallic_roughness;
-    let factor = base.base_color_factor.0;
+    let (factor, texture) = base(json);
     if !factor.iter().all(|c| (0.0..=1.0).contains(c)) {
         let name = json.name.as_deref().unwrap_or("without a name");
         return Err(file.broken(format!("the base colour of material {name} is {factor:?}")));
@@ -78,25 +77,53 @@ pub(super) fn read(file: &GltfFile, index: Option<Index<JsonMaterial>>, sets: &[
     let opaque = |albedo| Surface {
         material: Material { name: json.name.clone(), albedo, mask: None },
         is_invisible: cutoff.is_some_and(|cutoff| cutoff > 1.0),
+        is_glass: is_glass(json),
         coordinates: Coordinates::default(),
     };
-    let Some(info) = base.base_color_texture.as_ref() else { return Ok(opaque(color)) };
+    let Some(info) = texture else { return Ok(opaque(color)) };
     let coordinates = Coordinates::of(info);
-    let (picture, wrap) = texture(file, info)?;
-    let has_alpha = picture.color().has_alpha() && sets.contains(&coordinates.set);
-    let picture = picture.into_rgba8();
-    let cutoff_of_mask = cutoff.filter(|_| has_alpha);
-    let mean = mean_where_there(&picture, cutoff_of_mask.unwrap_or(0.0));
+    let texture = file.get(info.index);
+    let texture = texture.ok_or_else(|| file.broken(format!("texture {} is missing", info.index)))?;
+    // A cut-off above 1 leaves nothing, whatever the texture says.
+    let could_have_holes = cutoff.filter(|&cutoff| cutoff <= 1.0 && sets.contains(&coordinates.set));
+    let Some(image) = image(file, texture)? else {
+        let kinds = "only PNG, JPEG and WebP are read; export the textures as PNG";
+        if could_have_holes.is_some() {
+            return Err(file.broken(format!("the picture with the holes of a surface is missing; {kinds}")));
+        }
+        file.warn(format!(
+            "a texture has no picture that is read, and its colour is taken for white; {kinds}"
+        ));
+        return Ok(opaque(color));
+    };
+    let picture = file.pictures.picture(file, image, could_have_holes.is_some())?;
+    let cutoff_of_mask = could_have_holes.filter(|_| picture.has_alpha);
+    let mean = picture.mean_where_there(cutoff_of_mask.unwrap_or(0.0));
     let mut surface = opaque([0, 1, 2].map(|c| color[c] * mean[c]));
     surface.coordinates = coordinates;
-    // A cut-off above 1 leaves nothing, whatever the texture says; most textures of a mask have no hole.
-    let below = |cutoff: f32| picture.pixels().any(|p| f32::from(p[3]) < cutoff * 255.0);
-    if let Some(cutoff) = cutoff_of_mask.filter(|&cutoff| !surface.is_invisible && below(cutoff)) {
-        let size = [picture.width() as usize, picture.height() as usize];
-        let alpha = picture.pixels().map(|pixel| pixel[3]).collect();
-        surface.material.mask = Some(Arc::new(AlphaMask { size, alpha, cutoff, wrap }));
+    // Most textures of a mask have no hole.
+    if let Some(cutoff) = cutoff_of_mask.filter(|&cutoff| picture.has_holes(cutoff)) {
+        surface.material.mask = Some(file.pictures.mask(file, image, cutoff, wraps(file, texture))?);
     }
     Ok(surface)
+}
+
+/// Base colour with alpha, and its texture. The older model of specular and glossiness comes first where a
+/// material has both.
+fn base(material: &JsonMaterial) -> ([f32; 4], Option<&Info>) {
+    match material.extensions.as_ref().and_then(|all| all.pbr_specular_glossiness.as_ref()) {
+        Some(older) => (older.diffuse_factor.0, older.diffuse_texture.as_ref()),
+        None => {
+            let base = &material.pbr_metallic_roughness;
+            (base.base_color_factor.0, base.base_color_texture.as_ref())
+        }
+    }
+}
+
+fn is_glass(material: &JsonMaterial) -> bool {
+    let extension = |name| material.extensions.as_ref().and_then(|all| all.others.get(name));
+    let factor = extension("KHR_materials_transmission").and_then(|all| all.get("transmissionFactor"));
+    factor.and_then(Value::as_f64).is_some_and(|factor| factor > 0.0)
 }
 
 /// The alpha below which a material is not there; none where all of it is.
@@ -109,26 +136,21 @@ fn cutoff(material: &JsonMaterial) -> Option<f32> {
     .filter(|&cutoff| cutoff > 0.0)
 }
 
-/// The picture of a texture and how it wraps.
-fn texture(file: &GltfFile, info: &Info) -> Result<(DynamicImage, [Wrap; 2])> {
-    let texture = file.get(info.index);
-    let texture = texture.ok_or_else(|| file.broken(format!("texture {} is missing", info.index)))?;
-    let source = file
-        .get(texture.source)
-        .ok_or_else(|| file.broken(format!("texture {} has no PNG or JPEG picture", info.index)))?;
-    let bytes = match (&source.uri, source.buffer_view) {
-        (_, Some(view)) => file.view(view)?.to_vec(),
-        (Some(uri), None) => file.read_uri(uri)?,
-        (None, None) => return Err(file.broken(format!("picture {} has no data", texture.source))),
-    };
-    let name = source.uri.as_deref().filter(|uri| !uri.starts_with("data:")).unwrap_or("inside of it");
-    let failed = |error: String| file.broken(format!("the picture {name}: {error}"));
-    // The reader's default limits hold sizes that a header only claims.
-    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    let picture = reader.map_err(|error| failed(error.to_string()))?.decode();
-    let picture = picture.map_err(|error| failed(error.to_string()))?;
+/// The picture of a texture; none where it is only there in a format that is not read.
+fn image(file: &GltfFile, texture: &Texture) -> Result<Option<Index<Image>>> {
+    if texture.source.value() != u32::MAX as usize {
+        return Ok(Some(texture.source));
+    }
+    let webp = texture.extensions.as_ref().and_then(|all| all.others.get("EXT_texture_webp"));
+    let Some(source) = webp.and_then(|webp| webp.get("source")) else { return Ok(None) };
+    let index = source.as_u64().and_then(|index| u32::try_from(index).ok());
+    let broken = || file.broken(format!("a texture has the picture {source}"));
+    Ok(Some(Index::new(index.ok_or_else(broken)?)))
+}
+
+fn wraps(file: &GltfFile, texture: &Texture) -> [Wrap; 2] {
     let sampler = texture.sampler.and_then(|sampler| file.get(sampler)).cloned().unwrap_or_default();
-    Ok((picture, [sampler.wrap_s, sampler.wrap_t].map(wrap)))
+    [sampler.wrap_s, sampler.wrap_t].map(wrap)
 }
 
 fn wrap(mode: Checked<WrappingMode>) -> Wrap {
@@ -137,24 +159,4 @@ fn wrap(mode: Checked<WrappingMode>) -> Wrap {
         Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
         _ => Wrap::Repeat,
     }
-}
-
-static LINEAR: LazyLock<[f64; 256]> = LazyLock::new(|| {
-    std::array::from_fn(|byte| {
-        let value = byte as f64 / 255.0;
-        if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
-    })
-});
-
-/// Linear mean colour of the pixels with alpha of at least `cutoff`; transparent ones are often black.
-fn mean_where_there(picture: &image::RgbaImage, cutoff: f32) -> Rgb {
-    let mut sum = [0.0; 3];
-    let mut count = 0.0;
-    for pixel in picture.pixels().filter(|pixel| f32::from(pixel[3]) >= cutoff * 255.0) {
-        for channel in 0..3 {
-            sum[channel] += LINEAR[usize::from(pixel[channel])];
-        }
-        count += 1.0;
-    }
-    sum.map(|sum| (sum / f64::max(count, 1.0)) as f32)
 }

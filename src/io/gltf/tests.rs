@@ -10,6 +10,9 @@ use crate::Error;
 use crate::scene::{Ray, Wrap};
 use crate::visibility::Geometry;
 
+/// More triangles than any test makes.
+const MANY: usize = 1000;
+
 /// A square of two triangles in the plane z = 0, as positions, indices and coordinates in one buffer.
 fn square_bytes() -> Vec<u8> {
     let positions: [f32; 12] = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.];
@@ -63,7 +66,7 @@ fn load(file: &Value) -> Result<GltfScene> {
 
 fn mesh(file: &Value) -> Result<Mesh> {
     let (_folder, path) = written(file);
-    GltfScene::load(&path)?.mesh(None)
+    GltfScene::load(&path)?.mesh(None, MANY)
 }
 
 fn message<T: std::fmt::Debug>(result: Result<T>) -> String {
@@ -139,7 +142,7 @@ fn text_binary_and_external_buffers_hold_the_same_mesh() {
     inside["buffers"][0].as_object_mut().unwrap().remove("uri");
     let path = folder.path().join("scene.glb");
     std::fs::write(&path, glb(&inside, Some(&square_bytes()))).unwrap();
-    assert_eq!(GltfScene::load(&path).unwrap().mesh(None).unwrap().positions, embedded.positions);
+    assert_eq!(GltfScene::load(&path).unwrap().mesh(None, MANY).unwrap().positions, embedded.positions);
 
     let mut beside = square();
     beside["buffers"][0]["uri"] = json!("my%20buffer.bin");
@@ -147,7 +150,7 @@ fn text_binary_and_external_buffers_hold_the_same_mesh() {
     std::fs::write(&path, beside.to_string()).unwrap();
     assert!(matches!(GltfScene::load(&path), Err(Error::File { .. })));
     std::fs::write(folder.path().join("my buffer.bin"), square_bytes()).unwrap();
-    assert_eq!(GltfScene::load(&path).unwrap().mesh(None).unwrap().triangles, embedded.triangles);
+    assert_eq!(GltfScene::load(&path).unwrap().mesh(None, MANY).unwrap().triangles, embedded.triangles);
 }
 
 #[test]
@@ -163,15 +166,15 @@ fn nodes_carry_their_parents_transform_and_mirrors_keep_the_outside_out() {
     ]);
     file["scenes"] = json!([{"nodes": [0, 2]}]);
     let scene = load(&file).unwrap();
-    let child = scene.mesh(Some("Child")).unwrap();
+    let child = scene.mesh(Some("Child"), MANY).unwrap();
     assert!((child.positions[1] - DVec3::new(10.0, 22.0, 30.0)).length() < 1e-6);
     assert!((child.positions[3] - DVec3::new(8.0, 20.0, 30.0)).length() < 1e-6);
-    assert_eq!(scene.mesh(Some("Parent")).unwrap().positions, child.positions);
-    let mirror = scene.mesh(Some("Mirror")).unwrap();
+    assert_eq!(scene.mesh(Some("Parent"), MANY).unwrap().positions, child.positions);
+    let mirror = scene.mesh(Some("Mirror"), MANY).unwrap();
     assert_eq!(mirror.positions[1], DVec3::new(4.0, 0.0, 0.0));
     assert!((signed_area(&mirror) - 1.0).abs() < 1e-12);
-    assert_eq!(scene.mesh(None).unwrap().triangles.len(), 4);
-    assert_eq!(scene.mesh(Some("Elsewhere")).unwrap().triangles.len(), 2);
+    assert_eq!(scene.mesh(None, MANY).unwrap().triangles.len(), 4);
+    assert_eq!(scene.mesh(Some("Elsewhere"), MANY).unwrap().triangles.len(), 2);
 }
 
 #[test]
@@ -333,7 +336,7 @@ fn cameras_and_suns_are_found_by_their_nodes() {
 #[test]
 fn an_unknown_name_is_answered_with_the_nearest_ones_first() {
     let scene = load(&with_camera_and_suns()).unwrap();
-    assert!(message(scene.mesh(Some("squar"))).contains("there are `Square`"));
+    assert!(message(scene.mesh(Some("squar"), MANY)).contains("there are `Square`"));
     assert!(message(scene.sun(Some("Lamp"))).contains("there are `Sun`"));
     assert!(message(scene.camera("pan")).contains("there are `Plan`, `Camera_Orientation`"));
 }
@@ -360,14 +363,10 @@ fn broken_files_are_errors_with_a_reason() {
         ("components", |f| f["accessors"][0]["type"] = json!("VEC2")),
         ("unknown type", |f| f["accessors"][0]["componentType"] = json!(5130)),
         ("unknown mode", |f| f["meshes"][0]["primitives"][0]["mode"] = json!(9)),
-        ("zeros", |f| {
-            f["accessors"][0] = json!({"componentType": 5126, "count": 1_u64 << 40, "type": "VEC3"});
-        }),
         ("instead of 1000", |f| f["buffers"][0]["byteLength"] = json!(1000)),
         ("base64", |f| f["buffers"][0]["uri"] = json!("data:text/plain,hello")),
         ("only files beside it", |f| f["buffers"][0]["uri"] = json!("https://example.org/a.bin")),
-        // The parser itself refuses what f32 cannot hold.
-        ("out of range", |f| f["nodes"][0]["translation"] = json!([1e300, 0, 0])),
+        ("node 0 is not finite", |f| f["nodes"][0]["translation"] = json!([1e300, 0, 0])),
         ("material 5", |f| f["meshes"][0]["primitives"][0]["material"] = json!(5)),
     ];
     for (expected, breaks) in cases {
@@ -415,8 +414,364 @@ fn damaged_bytes_never_panic() {
             damaged[at] = b"0123456789-[]{},e."[(seed >> 20) as usize % 18];
         }
         std::fs::write(&path, &damaged).unwrap();
-        if let Ok(mesh) = GltfScene::load(&path).and_then(|scene| scene.mesh(None)) {
+        if let Ok(mesh) = GltfScene::load(&path).and_then(|scene| scene.mesh(None, MANY)) {
             let _ = Geometry::new(mesh);
         }
     }
+}
+
+/// Adds bytes to a file as a buffer of their own, with an accessor over them; gives the accessor.
+fn with_accessor(file: &mut Value, bytes: &[u8], accessor: Value) -> usize {
+    let push = |file: &mut Value, name: &str, value: Value| {
+        let all = file[name].as_array_mut().unwrap();
+        all.push(value);
+        all.len() - 1
+    };
+    let buffer = push(file, "buffers", json!({"byteLength": bytes.len(), "uri": data_uri(bytes)}));
+    let view = push(file, "bufferViews", json!({"buffer": buffer, "byteLength": bytes.len()}));
+    let mut accessor = accessor;
+    accessor["bufferView"] = json!(view);
+    push(file, "accessors", accessor)
+}
+
+fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+fn warnings(file: &Value) -> Vec<String> {
+    let scene = load(file).unwrap();
+    scene.mesh(None, MANY).unwrap();
+    scene.mesh(None, MANY).unwrap();
+    scene.file.warnings()
+}
+
+#[test]
+fn an_instanced_mesh_is_there_once_for_each_place() {
+    let mut file = square();
+    file["extensionsRequired"] = json!(["EXT_mesh_gpu_instancing"]);
+    file["nodes"][0]["translation"] = json!([10, 0, 0]);
+    let moves = floats(&[0., 0., 0., 0., 0., 5., 0., 0., 9.]);
+    let moves = with_accessor(&mut file, &moves, json!({"componentType": 5126, "count": 3, "type": "VEC3"}));
+    let sizes = floats(&[1., 1., 1., 2., 2., 2., 1., -1., 1.]);
+    let sizes = with_accessor(&mut file, &sizes, json!({"componentType": 5126, "count": 3, "type": "VEC3"}));
+    let node = |attributes: Value| json!({"EXT_mesh_gpu_instancing": {"attributes": attributes}});
+    file["nodes"][0]["extensions"] = node(json!({"TRANSLATION": moves, "SCALE": sizes, "_ID": 77}));
+    let three = mesh(&file).unwrap();
+    three.validate().unwrap();
+    assert_eq!((three.triangles.len(), three.positions.len(), three.objects.len()), (6, 12, 1));
+    assert_eq!(
+        [0, 4, 6, 8].map(|i| three.positions[i]),
+        [DVec3::new(10., 0., 0.), DVec3::new(10., 0., 5.), DVec3::new(12., 2., 5.), DVec3::new(10., 0., 9.)]
+    );
+    // The mirrored copy keeps its outside out: areas of 1, 4 and 1.
+    assert!((signed_area(&three) - 6.0).abs() < 1e-9);
+    // Turned by 90 degrees around z, as numbers of each kind that is allowed.
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let bytes: Vec<u8> = [0, 0, 90, 90].map(|i: i8| i as u8).to_vec();
+    let words: Vec<u8> = [0, 0, 23170, 23170].iter().flat_map(|i: &i16| i.to_le_bytes()).collect();
+    let kinds = [(5126, false, floats(&[0., 0., half, half])), (5120, true, bytes), (5122, true, words)];
+    for (kind, normalized, bytes) in kinds {
+        let mut turned = file.clone();
+        let accessor = json!({"componentType": kind, "normalized": normalized, "count": 1, "type": "VEC4"});
+        let rotations = with_accessor(&mut turned, &bytes, accessor);
+        turned["nodes"][0]["extensions"] = node(json!({"ROTATION": rotations}));
+        let corner = mesh(&turned).unwrap().positions[1];
+        assert!((corner - DVec3::new(10., 1., 0.)).length() < 1e-4, "{kind}: {corner}");
+        turned["nodes"][0]["extensions"] = node(json!({"ROTATION": rotations, "SCALE": sizes}));
+        assert!(message(mesh(&turned)).contains("instances with 1 and with 3 places"));
+    }
+    file["nodes"][0]["extensions"] = node(json!({"TRANSLATION": -1}));
+    assert!(message(mesh(&file)).contains("-1 as their TRANSLATION"));
+}
+
+#[test]
+fn triangles_are_counted_before_any_is_made() {
+    let mut file = square();
+    file["nodes"] = json!([{"mesh": 0}, {"mesh": 0}]);
+    file["scenes"] = json!([{"nodes": [0, 1]}]);
+    let scene = load(&file).unwrap();
+    assert_eq!(scene.mesh(None, 4).unwrap().triangles.len(), 4);
+    let refused = scene.mesh(None, 3);
+    assert!(matches!(refused, Err(Error::TooLarge { .. })));
+    assert!(message(refused).contains("4 triangles"));
+    // A million nodes' worth of instances from a few bytes: an accessor without data, all of whose places are zero.
+    file["accessors"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({"componentType": 5126, "count": 1_u64 << 40, "type": "VEC3"}));
+    file["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 3}}});
+    assert!(matches!(mesh(&file), Err(Error::TooLarge { .. })));
+    // And as many vertices, of which one triangle is drawn.
+    let mut sparse = square();
+    sparse["accessors"][0] = json!({"componentType": 5126, "count": 1_u64 << 40, "type": "VEC3", "sparse": {
+        "count": 1, "indices": {"bufferView": 2, "byteOffset": 2, "componentType": 5123},
+        "values": {"bufferView": 0, "byteOffset": 12}}});
+    sparse["meshes"][0]["primitives"][0]["attributes"] = json!({"POSITION": 0});
+    let drawn = mesh(&sparse).unwrap();
+    assert_eq!((drawn.triangles.len(), drawn.positions.len()), (2, 6));
+    assert_eq!([0, 1, 2].map(|i| drawn.positions[i]), [DVec3::ZERO, DVec3::X, DVec3::ZERO]);
+}
+
+#[test]
+fn meshes_without_data_are_left_out_with_a_warning() {
+    let mut file = square();
+    let primitives = file["meshes"][0]["primitives"].as_array_mut().unwrap();
+    primitives.push(json!({"attributes": {"POSITION": 3}, "indices": 2}));
+    primitives.push(json!({"attributes": {"POSITION": 0}, "indices": 4}));
+    let accessors = file["accessors"].as_array_mut().unwrap();
+    accessors.push(json!({"componentType": 5126, "count": 1_u64 << 40, "type": "VEC3"}));
+    accessors.push(json!({"componentType": 5125, "count": 1_u64 << 40, "type": "SCALAR"}));
+    assert_eq!(mesh(&file).unwrap().triangles.len(), 2);
+    assert_eq!(warnings(&file), ["meshes whose vertices are all zero are left out"]);
+    let draco = json!({"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {}}});
+    file["meshes"][0]["primitives"][1]["extensions"] = draco.clone();
+    let refused = message(mesh(&file));
+    assert!(refused.contains("compressed") && refused.contains("gltf-transform copy"), "{refused}");
+    // What is there unpacked as well is read.
+    let mut both = square();
+    both["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
+    both["meshes"][0]["primitives"][0]["extensions"] = draco;
+    assert_eq!(mesh(&both).unwrap().triangles.len(), 2);
+    assert_eq!(warnings(&both), [""; 0]);
+}
+
+#[test]
+fn quantized_positions_and_coordinates_of_each_kind_are_read() {
+    // Component type, whether it is normalized, and the number that stands for 1.
+    let kinds = [(5120, true, 127), (5121, true, 255), (5122, true, 32767), (5123, true, 65535)];
+    for (kind, normalized, one) in kinds.into_iter().chain(kinds.map(|(kind, ..)| (kind, false, 1))) {
+        let packed = |values: &[u16]| -> Vec<u8> {
+            let size = if kind < 5122 { 1 } else { 2 };
+            values.iter().flat_map(|value| (value * one).to_le_bytes()[..size].to_vec()).collect()
+        };
+        let mut file = square();
+        file["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
+        let accessor =
+            |of: &str| json!({"componentType": kind, "normalized": normalized, "count": 4, "type": of});
+        let positions = packed(&[0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0]);
+        let positions = with_accessor(&mut file, &positions, accessor("VEC3"));
+        let coordinates = packed(&[0, 1, 1, 1, 1, 0, 0, 0]);
+        let coordinates = with_accessor(&mut file, &coordinates, accessor("VEC2"));
+        file["meshes"][0]["primitives"][0]["attributes"] =
+            json!({"POSITION": positions, "TEXCOORD_0": coordinates});
+        let (read, plain) = (mesh(&file).unwrap(), mesh(&square()).unwrap());
+        assert_eq!(read.positions, plain.positions, "{kind}");
+        assert_eq!(read.coordinates, plain.coordinates, "{kind}");
+    }
+}
+
+#[test]
+fn sparse_numbers_need_increasing_places() {
+    for (places, reads) in [([0_u16, 2], true), ([2, 0], false), ([2, 2], false), ([0, 4], false)] {
+        let mut file = square();
+        let bytes: Vec<u8> = places.iter().flat_map(|place| place.to_le_bytes()).collect();
+        with_accessor(&mut file, &bytes, json!({"componentType": 5123, "count": 2, "type": "SCALAR"}));
+        file["accessors"][0]["sparse"] = json!({"count": 2, "indices": {"bufferView": 3, "componentType": 5123},
+            "values": {"bufferView": 0, "byteOffset": 12}});
+        match mesh(&file) {
+            Ok(mesh) => assert!(reads && mesh.positions[2] == DVec3::new(1., 1., 0.)),
+            Err(error) => assert!(!reads && error.to_string().contains("do not increase"), "{error}"),
+        }
+    }
+}
+
+#[test]
+fn extensions_are_refused_by_what_they_change() {
+    let with = |list: &str, name: &str| {
+        let mut file = square();
+        file[list] = json!([name]);
+        file
+    };
+    for name in
+        ["KHR_materials_pbrSpecularGlossiness", "KHR_animation_pointer", "EXT_texture_webp", "MSFT_lod"]
+    {
+        assert_eq!(warnings(&with("extensionsRequired", name)), [""; 0], "{name}");
+        assert_eq!(warnings(&with("extensionsUsed", name)), [""; 0], "{name}");
+    }
+    for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"] {
+        let refused = message(load(&with("extensionsRequired", name)));
+        assert!(refused.contains(name) && refused.contains("Compression unticked"), "{refused}");
+        assert_eq!(warnings(&with("extensionsUsed", name)), [""; 0], "{name}");
+    }
+    let refused = message(load(&with("extensionsRequired", "ACME_holes")));
+    assert!(refused.contains("ACME_holes") && !refused.contains("ompress"), "{refused}");
+    let told = warnings(&with("extensionsUsed", "ACME_holes"));
+    assert!(told.len() == 1 && told[0].contains("ACME_holes is not read"), "{told:?}");
+}
+
+#[test]
+fn hidden_nodes_and_all_below_them_are_left_out() {
+    let mut file = square();
+    file["nodes"] = json!([
+        {"mesh": 0, "children": [1], "extensions": {"KHR_node_visibility": {"visible": false}}},
+        {"mesh": 0, "children": [2], "extensions": {"KHR_node_visibility": {"visible": true}}},
+        {"mesh": 0},
+        {"mesh": 0, "extensions": {"KHR_node_visibility": {}}},
+    ]);
+    file["scenes"] = json!([{"nodes": [0, 3]}]);
+    file["extensionsRequired"] = json!(["KHR_node_visibility"]);
+    assert_eq!(mesh(&file).unwrap().triangles.len(), 2);
+    assert_eq!(warnings(&file), ["nodes that are hidden (KHR_node_visibility) are left out"]);
+}
+
+#[test]
+fn skins_and_morph_targets_are_told_once() {
+    let mut file = square();
+    file["skins"] = json!([{}]);
+    file["nodes"] = json!([{"mesh": 0, "skin": 0}, {"mesh": 0, "skin": 0}]);
+    file["scenes"] = json!([{"nodes": [0, 1]}]);
+    file["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 0, "TEXCOORD_0": "of any name"}]);
+    let said = warnings(&file);
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(said[0].contains("morph targets") && said[1].contains("skins"));
+}
+
+#[test]
+fn what_nobody_reads_makes_no_file_unreadable() {
+    let mut file = with_camera_and_suns();
+    file["animations"] =
+        json!([{"channels": [{"sampler": 0, "target": {"path": "pointer"}}], "samplers": 7}]);
+    file["skins"] = json!("none");
+    file["extras"] = json!("a note");
+    file["nodes"][0]["extras"] = json!([1, 2]);
+    file["scenes"].as_array_mut().unwrap().push(json!({"name": "empty"}));
+    file["extensions"]["KHR_lights_punctual"]["lights"][0]["extensions"] = json!({"ACME_sun": {"size": 3}});
+    file["materials"] = json!([{"normalTexture": {}, "occlusionTexture": 4, "emissiveFactor": "bright",
+        "pbrMetallicRoughness": {"metallicRoughnessTexture": [], "roughnessFactor": null}}]);
+    let scene = load(&file).unwrap();
+    assert_eq!(scene.mesh(None, MANY).unwrap().triangles.len(), 2);
+    assert_eq!(scene.sun(None).unwrap().1, [8.0, 4.0, 2.0]);
+    // An empty scene is one without triangles, and a broken file says where it is broken.
+    file["scene"] = json!(1);
+    assert!(message(mesh(&file)).contains("the scene has no triangles"));
+    file["accessors"][1].as_object_mut().unwrap().remove("count");
+    assert!(message(mesh(&file)).contains("accessors[1]"), "{}", message(mesh(&file)));
+    // A byte order mark at its beginning is none of its text.
+    let (_folder, path) = written(&square());
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, format!("\u{feff}{text}")).unwrap();
+    assert_eq!(GltfScene::load(&path).unwrap().mesh(None, MANY).unwrap().triangles.len(), 2);
+}
+
+#[test]
+fn names_that_are_equally_near_come_in_the_order_of_the_file() {
+    let mut file = square();
+    file["nodes"] = json!([{"name": "Wall"}, {"name": "Ball"}, {"name": "Hall"}, {"name": "Ball"}]);
+    file["scenes"] = json!([{"nodes": [0, 1, 2, 3]}]);
+    let told = message(load(&file).unwrap().mesh(Some("Call"), MANY));
+    assert!(told.ends_with("there are `Wall`, `Ball`, `Hall`"), "{told}");
+}
+
+#[test]
+fn the_older_material_model_has_its_own_colour_and_alpha() {
+    let mut file = textured("MASK", json!({"index": 0}), &HALF_LEAF);
+    file["materials"][0] = json!({"alphaMode": "MASK", "extensions": {"KHR_materials_pbrSpecularGlossiness":
+        {"diffuseFactor": [0.5, 1, 1, 1], "diffuseTexture": {"index": 0}, "specularFactor": "any"}}});
+    let leaf = mesh(&file).unwrap();
+    assert_eq!(leaf.materials[0].albedo, [0.5, 1.0, 0.0]);
+    assert_eq!(leaf.materials[0].mask.as_ref().unwrap().alpha, [0, 255]);
+    file["materials"][0]["extensions"]["KHR_materials_pbrSpecularGlossiness"]["diffuseFactor"][3] =
+        json!(0.4);
+    assert!(message(mesh(&file)).contains("no triangles"));
+}
+
+fn encoded(pixels: &[[u8; 4]], format: image::ImageFormat) -> String {
+    let picture = image::RgbaImage::from_raw(pixels.len() as u32, 1, pixels.concat()).unwrap();
+    let mut file = Cursor::new(Vec::new());
+    picture.write_to(&mut file, format).unwrap();
+    data_uri(file.get_ref())
+}
+
+#[test]
+fn webp_pictures_are_read_where_there_is_no_other() {
+    let mut file = textured("MASK", json!({"index": 0}), &HALF_LEAF);
+    let plain = mesh(&file).unwrap();
+    let webp = encoded(&[[9, 9, 9, 255], [9, 9, 9, 0]], image::ImageFormat::WebP);
+    file["images"].as_array_mut().unwrap().push(json!({"uri": webp, "mimeType": "image/webp"}));
+    file["extensionsRequired"] = json!(["EXT_texture_webp"]);
+    // The other picture comes first.
+    file["textures"][0] =
+        json!({"source": 0, "sampler": 0, "extensions": {"EXT_texture_webp": {"source": 1}}});
+    assert_eq!(mesh(&file).unwrap().materials, plain.materials);
+    file["textures"][0].as_object_mut().unwrap().remove("source");
+    assert_eq!(mesh(&file).unwrap().materials[0].mask.as_ref().unwrap().alpha, [255, 0]);
+    // A picture of another kind is needed by a mask alone.
+    file["textures"][0]["extensions"] = json!({"KHR_texture_basisu": {"source": 1}});
+    assert!(message(mesh(&file)).contains("export the textures as PNG"));
+    file["materials"][0]["alphaMode"] = json!("OPAQUE");
+    assert_eq!(mesh(&file).unwrap().materials[0].albedo, [0.5, 1.0, 1.0]);
+    assert!(warnings(&file)[0].contains("no picture that is read"));
+}
+
+#[test]
+fn a_picture_is_decoded_once_a_file() {
+    let mut file = textured("MASK", json!({"index": 0}), &HALF_LEAF);
+    let mut material = file["materials"][0].clone();
+    material["alphaCutoff"] = json!(0.25);
+    let materials = file["materials"].as_array_mut().unwrap();
+    materials.push(materials[0].clone());
+    materials.push(material);
+    let view = with_picture_view(&mut file);
+    file["images"] = json!([{"bufferView": view, "mimeType": "image/png"}, {"bufferView": view}]);
+    file["textures"] = json!([{"source": 0}, {"source": 1}]);
+    file["materials"][1]["pbrMetallicRoughness"]["baseColorTexture"]["index"] = json!(1);
+    let primitive = file["meshes"][0]["primitives"][0].clone();
+    for material in 1..3 {
+        let mut primitive = primitive.clone();
+        primitive["material"] = json!(material);
+        file["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive);
+    }
+    let scene = load(&file).unwrap();
+    let masks: Vec<_> =
+        scene.mesh(None, MANY).unwrap().materials.into_iter().map(|m| m.mask.unwrap()).collect();
+    assert_eq!(scene.mesh(None, MANY).unwrap().materials.len(), 3);
+    assert_eq!(scene.file.pictures.decoded_bytes(), 8);
+    assert!(std::sync::Arc::ptr_eq(&masks[0], &masks[1]));
+    assert_eq!((masks[0].cutoff, masks[2].cutoff), (0.5, 0.25));
+}
+
+/// A buffer view that holds a picture of two pixels.
+fn with_picture_view(file: &mut Value) -> usize {
+    let picture = png(&HALF_LEAF);
+    file["buffers"].as_array_mut().unwrap().push(json!({"byteLength": 60, "uri": picture}));
+    let bytes = load(&json!({"asset": {"version": "2.0"}})).unwrap().file.read_uri(&picture).unwrap().len();
+    file["bufferViews"].as_array_mut().unwrap().push(json!({"buffer": 1, "byteLength": bytes}));
+    3
+}
+
+#[test]
+fn too_large_a_picture_is_refused_by_its_header() {
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    let wide = vec![255; 16385];
+    image::ImageEncoder::write_image(encoder, &wide, 16385, 1, image::ExtendedColorType::L8).unwrap();
+    let mut file = textured("OPAQUE", json!({"index": 0}), &HALF_LEAF);
+    // Nothing but the header is there.
+    file["images"][0]["uri"] = json!(data_uri(&bytes[..60]));
+    let refused = mesh(&file);
+    assert!(matches!(refused, Err(Error::TooLarge { .. })));
+    assert!(message(refused).contains("16385 by 1 pixels"));
+}
+
+#[test]
+fn what_is_not_there_and_what_is_glass_is_told() {
+    let mut file = square();
+    file["materials"] = json!([
+        {"name": "Faint", "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.12]}},
+        {"name": "Glass", "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.5}}},
+        {"name": "Dull", "extensions": {"KHR_materials_transmission": {}}},
+    ]);
+    let primitive = |material| json!({"attributes": {"POSITION": 0}, "indices": 2, "material": material});
+    file["meshes"][0]["primitives"] = json!([primitive(0), primitive(1), primitive(2)]);
+    assert_eq!(mesh(&file).unwrap().triangles.len(), 4);
+    assert_eq!(
+        warnings(&file),
+        [
+            "2 of its triangles left out, because the alpha of their material is below its cut-off: `Faint`",
+            "surfaces that let light through (KHR_materials_transmission) cast a full shadow: `Glass`",
+        ]
+    );
+    file["meshes"][0]["primitives"] = json!([primitive(0)]);
+    let refused = message(mesh(&file));
+    assert!(refused.contains("below its cut-off (2 left out)"), "{refused}");
 }

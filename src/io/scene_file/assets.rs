@@ -16,6 +16,9 @@ use super::file_name::{FileName, folder_of};
 use super::gltf_node::GltfNode;
 use super::size::MemorySize;
 
+/// Triangles of one occluder: what memory holds beside the rest.
+const MOST_TRIANGLES: usize = 100_000_000;
+
 /// Reads files relative to a scene file.
 #[derive(Debug)]
 pub(super) struct Assets {
@@ -69,7 +72,7 @@ impl Assets {
 
     /// Triangles of a glTF node and everything below it.
     pub(super) fn gltf_mesh(&mut self, gltf: &GltfNode) -> Result<Mesh> {
-        self.scene(&gltf.file)?.mesh(gltf.node.as_deref())
+        self.scene(&gltf.file)?.mesh(gltf.node.as_deref(), MOST_TRIANGLES)
     }
 
     /// Triangles of an OBJ file.

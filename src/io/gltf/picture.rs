@@ -1,0 +1,207 @@
+//! The pictures of textures: each is decoded once a file, and only what a surface needs of it is kept.
+
+use std::collections::HashMap;
+use std::io::Cursor;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+
+use gltf_json::Index;
+use gltf_json::image::Image;
+use image::{DynamicImage, GenericImageView, ImageDecoder, ImageError, ImageReader, Limits};
+
+use super::file::GltfFile;
+use crate::scene::{AlphaMask, Rgb, Wrap};
+use crate::{Error, Result};
+
+/// Pixels along a side.
+const MAX_SIDE: u32 = 16384;
+/// Alpha that is kept of all pictures of a file, in bytes.
+const MAX_KEPT: u64 = 1 << 30;
+/// All pictures of a file as they are decoded one after the other, in bytes: sixteen of the largest ones.
+const MAX_DECODED: u64 = 1 << 34;
+
+/// A picture without its colours.
+#[derive(Debug)]
+pub(super) struct Picture {
+    /// Whether its kind has an alpha channel at all.
+    pub(super) has_alpha: bool,
+    size: [usize; 2],
+    /// Row by row; empty where nobody asked for it.
+    alpha: Vec<u8>,
+    /// For each alpha how many pixels there are, and the sum of their linear colours.
+    tallies: Vec<(u64, [f64; 3])>,
+}
+
+impl Picture {
+    /// Linear mean colour of the pixels with alpha of at least `cutoff`; transparent ones are often black.
+    pub(super) fn mean_where_there(&self, cutoff: f32) -> Rgb {
+        let mut sum = [0.0; 3];
+        let mut count = 0_u64;
+        for (_, (pixels, colors)) in self.tallies().filter(|&(alpha, _)| alpha >= cutoff * 255.0) {
+            sum = [0, 1, 2].map(|channel| sum[channel] + colors[channel]);
+            count += pixels;
+        }
+        sum.map(|sum| (sum / count.max(1) as f64) as f32)
+    }
+
+    /// Whether a pixel is not there.
+    pub(super) fn has_holes(&self, cutoff: f32) -> bool {
+        self.tallies().any(|(alpha, (pixels, _))| *pixels > 0 && alpha < cutoff * 255.0)
+    }
+
+    fn tallies(&self) -> impl Iterator<Item = (f32, &(u64, [f64; 3]))> {
+        self.tallies.iter().enumerate().map(|(alpha, tally)| (alpha as f32, tally))
+    }
+}
+
+/// What a picture is made of: two pictures of a file may be the same.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+enum Source {
+    View(usize),
+    File(String),
+    Inside(usize),
+}
+
+/// What makes two masks of the same picture the same: their cut-off and how they wrap.
+type MaskKey = (Source, u32, [u8; 2]);
+
+/// The pictures of a file that have been decoded, and the masks that were made of them.
+#[derive(Debug, Default)]
+pub(super) struct Pictures(Mutex<Known>);
+
+#[derive(Debug, Default)]
+struct Known {
+    pictures: HashMap<Source, Arc<Picture>>,
+    masks: HashMap<MaskKey, Arc<AlphaMask>>,
+    kept: u64,
+    decoded: u64,
+}
+
+impl Pictures {
+    /// A picture; one without its alpha where that is not needed.
+    ///
+    /// Errors: [`Error::Format`], [`Error::File`], [`Error::TooLarge`].
+    pub(super) fn picture(
+        &self,
+        file: &GltfFile,
+        index: Index<Image>,
+        needs_alpha: bool,
+    ) -> Result<Arc<Picture>> {
+        let (image, source) = source(file, index)?;
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(picture) = known.pictures.get(&source)
+            && !(needs_alpha && picture.has_alpha && picture.alpha.is_empty())
+        {
+            return Ok(picture.clone());
+        }
+        let picture = Arc::new(known.decode(file, image, needs_alpha)?);
+        known.pictures.insert(source, picture.clone());
+        Ok(picture)
+    }
+
+    /// The mask that a picture with alpha makes. Errors: [`Error::TooLarge`], and those of a picture.
+    pub(super) fn mask(
+        &self,
+        file: &GltfFile,
+        index: Index<Image>,
+        cutoff: f32,
+        wrap: [Wrap; 2],
+    ) -> Result<Arc<AlphaMask>> {
+        let picture = self.picture(file, index, true)?;
+        let key = (source(file, index)?.1, cutoff.to_bits(), wrap.map(|wrap| wrap as u8));
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(mask) = known.masks.get(&key) {
+            return Ok(mask.clone());
+        }
+        known.keep(file, picture.alpha.len() as u64)?;
+        let mask = Arc::new(AlphaMask { size: picture.size, alpha: picture.alpha.clone(), cutoff, wrap });
+        known.masks.insert(key, mask.clone());
+        Ok(mask)
+    }
+
+    #[cfg(test)]
+    pub(super) fn decoded_bytes(&self) -> u64 {
+        self.0.lock().unwrap().decoded
+    }
+}
+
+impl Known {
+    fn keep(&mut self, file: &GltfFile, bytes: u64) -> Result<()> {
+        self.kept += bytes;
+        within(self.kept, MAX_KEPT, || format!("alpha of the pictures of {}", file.path.display()))
+    }
+
+    fn decode(&mut self, file: &GltfFile, image: &Image, needs_alpha: bool) -> Result<Picture> {
+        let bytes = match (&image.uri, image.buffer_view) {
+            (_, Some(view)) => file.view(view)?.to_vec(),
+            (Some(uri), None) => file.read_uri(uri)?,
+            (None, None) => return Err(file.broken("a picture has no data".into())),
+        };
+        let name = image.uri.as_deref().filter(|uri| !uri.starts_with("data:")).unwrap_or("inside of it");
+        let failed = |error: ImageError| file.broken(format!("the picture {name}: {error}"));
+        let mut reader =
+            ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| failed(e.into()))?;
+        let mut limits = Limits::no_limits();
+        limits.max_alloc = Some(16 * u64::from(MAX_SIDE) * u64::from(MAX_SIDE));
+        reader.limits(limits);
+        let decoder = reader.into_decoder().map_err(failed)?;
+        let (width, height) = decoder.dimensions();
+        if width.max(height) > MAX_SIDE {
+            return Err(Error::TooLarge {
+                what: format!("the picture {name} of {}", file.path.display()),
+                needed: format!("{width} by {height} pixels"),
+                limit: format!("{MAX_SIDE} by {MAX_SIDE}"),
+                remedy: "scale the texture down",
+            });
+        }
+        self.decoded += decoder.total_bytes();
+        within(self.decoded, MAX_DECODED, || format!("all pictures of {}", file.path.display()))?;
+        let has_alpha = decoder.color_type().has_alpha();
+        let size = [width as usize, height as usize];
+        let kept = if needs_alpha && has_alpha { size[0] * size[1] } else { 0 };
+        self.keep(file, kept as u64)?;
+        let pixels = DynamicImage::from_decoder(decoder).map_err(failed)?;
+        let mut picture =
+            Picture { has_alpha, size, alpha: Vec::with_capacity(kept), tallies: vec![(0, [0.0; 3]); 256] };
+        for (_, _, pixel) in pixels.pixels() {
+            let [red, green, blue, alpha] = pixel.0;
+            let (count, sums) = &mut picture.tallies[usize::from(alpha)];
+            *count += 1;
+            for (sum, code) in sums.iter_mut().zip([red, green, blue]) {
+                *sum += LINEAR[usize::from(code)];
+            }
+            if kept > 0 {
+                picture.alpha.push(alpha);
+            }
+        }
+        Ok(picture)
+    }
+}
+
+fn source(file: &GltfFile, index: Index<Image>) -> Result<(&Image, Source)> {
+    let image = file.get(index).ok_or_else(|| file.broken(format!("picture {index} is missing")))?;
+    let source = match (&image.uri, image.buffer_view) {
+        (_, Some(view)) => Source::View(view.value()),
+        (Some(uri), None) if !uri.starts_with("data:") => Source::File(uri.clone()),
+        _ => Source::Inside(index.value()),
+    };
+    Ok((image, source))
+}
+
+fn within(bytes: u64, limit: u64, what: impl Fn() -> String) -> Result<()> {
+    if bytes <= limit {
+        return Ok(());
+    }
+    Err(Error::TooLarge {
+        what: what(),
+        needed: format!("{bytes} bytes or more"),
+        limit: limit.to_string(),
+        remedy: "scale the textures down, or choose a single node",
+    })
+}
+
+static LINEAR: LazyLock<[f64; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|byte| {
+        let value = byte as f64 / 255.0;
+        if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+    })
+});
