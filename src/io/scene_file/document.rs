@@ -112,7 +112,7 @@ impl Document {
         if self.version != Self::VERSION {
             return Err(unknown_version(self.version));
         }
-        let mut assets = Assets::beside(file);
+        let mut assets = Assets::beside(file).within(self.solve.memory);
         // What is small is looked at before what may take long to read.
         let medium = self.medium.build().at("medium")?;
         let ambient = self.ambient.rgb("ambient", f32::MAX)?;

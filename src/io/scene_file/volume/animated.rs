@@ -139,7 +139,7 @@ impl VolumeDocument {
         };
         let stages = self.find.stages();
         animation.check(&self.volume, &stages).at("animation")?;
-        let mut assets = Assets::beside(file);
+        let mut assets = Assets::beside(file).within(self.solve.memory);
         let first = &animation.keys[0];
         let medium = (&self.volume, &stages[..]);
         let base = self.scene(file, &mut assets, |assets| first.medium(0, medium, animation, assets))?;
