@@ -312,8 +312,7 @@ mod tests {
 
     #[test]
     fn the_three_packings_of_a_scan_line_say_the_same() {
-        let colors: Vec<[u8; 4]> =
-            (0..300).map(|i| if i < 5 { [i, 9, 7, 130] } else { [5, 9, 7, 130] }).collect();
+        let colors: Vec<[u8; 4]> = (0..300_u16).map(|i| [i.min(5) as u8, 9, 7, 130]).collect();
         let plain: Vec<u8> = colors.iter().flatten().copied().collect();
         let mut runs = plain[..24].to_vec();
         runs.extend([1, 1, 1, 38, 1, 1, 1, 1]);
