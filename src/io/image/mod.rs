@@ -1,7 +1,7 @@
 //! Pictures in and out: EXR is linear, PNG and JPEG are sRGB, HDR is linear with shared exponents.
 //!
-//! A PNG picture that says so has another curve than that of sRGB. The exposure of an HDR picture is divided out. What else a
-//! picture says of its colours (profiles, primaries) is ignored, with a warning.
+//! A PNG picture that says so has another curve than that of sRGB. The exposure of an HDR picture is divided out.
+//! What else a picture says of its colours (profiles, primaries) is ignored, with a warning.
 
 mod coded;
 mod openexr;

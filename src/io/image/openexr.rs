@@ -152,8 +152,8 @@ fn check_header(path: &Path, header: &Header, stored_bytes: u64) -> Result<()> {
     Ok(())
 }
 
-/// Bytes of a block at most: of 32 scan lines of the longest and of 64 channels.
-const BLOCK_BYTES: u128 = 32 * 4 * 64 * Camera::MAX_SIZE as u128;
+/// Bytes of an unpacked block at most.
+const BLOCK_BYTES: u128 = 1 << 29;
 
 fn blocks_of_full_size(header: &Header) -> usize {
     let Vec2(width, height) = header.layer_size;

@@ -243,6 +243,8 @@ fn a_palette_that_panics_the_decoder_is_a_reason() {
     let folder = Folder::new();
     let palette = |data: &[u8]| read_image(&folder.holding("a", &png(8, 3, &[(b"PLTE", data)], &[0])));
     assert_eq!(palette(&[255; 3]).unwrap().pixels[0], [1.0; 3]);
+    let deep = png(1, 3, &[(b"PLTE", &[255; 3])], &[0]);
+    assert_eq!(read_image(&folder.holding("a", &deep)).unwrap().pixels[0], [1.0; 3]);
     assert!(reason(palette(&[255; 4])).contains("palette"));
     assert!(reason(read_image(&folder.holding("a", &png(8, 3, &[], &[0])))).contains("palette"));
 }
@@ -471,6 +473,22 @@ fn what_the_data_window_leaves_open_has_no_weight() {
     let open = [0.0; 4];
     let there = [0.5, 0.5, 0.5, 1.0];
     assert_eq!(target.pixels, [open, open, open, open, open, there, there, open]);
+}
+
+#[test]
+fn a_block_that_would_take_all_memory_is_refused() {
+    let folder = Folder::new();
+    let encoding = Encoding { blocks: Blocks::Tiles(Vec2(2, 2)), ..Encoding::UNCOMPRESSED };
+    let mut exr = exr_bytes([2, 2], &[("Y", constant(1.0, [2, 2]))], encoding);
+    let value_of = |attribute: &[u8]| {
+        exr.windows(attribute.len()).position(|w| w == attribute).unwrap() + attribute.len() + 4
+    };
+    let (window, tiles) = (value_of(b"dataWindow\0box2i\0") + 8, value_of(b"tiles\0tiledesc\0"));
+    for (at, value) in [(window, 16383_i32), (window + 4, 16383), (tiles, 16384), (tiles + 4, 16384)] {
+        exr[at..at + 4].copy_from_slice(&value.to_le_bytes());
+    }
+    exr.resize(1 << 17, 0);
+    assert!(reason(read_image(&folder.holding("a", &exr))).contains("blocks of 16384 × 16384"));
 }
 
 /// A block that is not shown may be damaged: nobody has looked.
