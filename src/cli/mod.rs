@@ -62,7 +62,6 @@ impl Manners {
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     watch_verbosity(&arguments);
-    #[cfg(feature = "gpu")]
     quieten_caught_panics();
     let manners = Manners { json: arguments.json, quiet: arguments.quiet };
     match start_threads(arguments.threads).and_then(|()| run(&arguments.command, &manners)) {
@@ -100,11 +99,14 @@ fn start_threads(asked: Option<u16>) -> Result<()> {
 }
 
 /// A panic that is caught and told as an error is not told as a panic, too.
-#[cfg(feature = "gpu")]
 fn quieten_caught_panics() {
+    #[cfg(feature = "gpu")]
+    use crate::gpu::is_caught;
+    #[cfg(not(feature = "gpu"))]
+    let is_caught = |_: &std::panic::PanicHookInfo| false;
     let tell = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
-        if !crate::gpu::is_caught(panic) {
+        if !is_caught(panic) && !io::is_guarded() {
             tell(panic);
         }
     }));

@@ -2,6 +2,7 @@
 
 mod checkpoint;
 pub mod gltf;
+mod guard;
 pub mod image;
 pub(crate) mod input;
 pub(crate) mod machine;
@@ -15,6 +16,7 @@ pub mod volume;
 mod whole;
 
 pub use checkpoint::Checkpoint;
+pub use guard::is_guarded;
 pub use whole::write_whole;
 
 /// A value as indented JSON.

@@ -1,5 +1,6 @@
-//! PNG, JPEG and HDR, through the `image` crate.
+//! PNG, JPEG and what is written of HDR, through the `image` crate.
 
+use std::io::{BufRead, Seek};
 use std::path::Path;
 
 use ::image::codecs::hdr::HdrEncoder;
@@ -10,9 +11,11 @@ use ::image::{
 };
 use rayon::prelude::*;
 
+use super::super::guard::guarded;
+use super::png_header::{Curve, PngHeader};
 use super::{
-    Alpha, PictureFile, PictureFormat, check_size, file_error, format_error, linear_from_srgb,
-    srgb_from_linear,
+    Alpha, PictureFile, PictureFormat, check_size, file_error, format_error, room, srgb_from_linear,
+    warn_of_ignored,
 };
 use crate::scene::{Camera, Image};
 use crate::{Error, Result};
@@ -61,83 +64,144 @@ fn code_from_linear(linear: f32) -> u8 {
     (255.0 * srgb_from_linear(linear)).round() as u8
 }
 
+/// Size of a PNG or JPEG picture.
+pub(super) fn size_of(path: &Path, source: PictureFile) -> Result<[usize; 2]> {
+    let PictureFile { mut file, bytes, format } = source;
+    match format {
+        PictureFormat::Png => sound_header(path, &mut file, bytes).map(|header| header.size),
+        _ => guarded(path, format.name(), || Ok(size(&decoder(path, format, file, bytes)?))),
+    }
+}
+
 /// Size and pixels: linear colour, and straight alpha for N = 4.
 pub(super) fn read<const N: usize>(
     path: &Path,
     source: PictureFile,
     alpha: Alpha,
 ) -> Result<([usize; 2], Vec<[f32; N]>)> {
-    let PictureFile { file, bytes, format } = source;
-    let failed = |error| decoder_error(path, format, error);
+    let PictureFile { mut file, bytes, format } = source;
+    let (mut curve, mut ignored, mut heeds_profile) = (Curve::Srgb, Vec::new(), true);
+    if format == PictureFormat::Png {
+        let header = sound_header(path, &mut file, bytes)?;
+        file.rewind().map_err(|error| file_error("read", path, error))?;
+        (curve, ignored) = header.colors.meaning();
+        heeds_profile = header.colors.heeds_profile();
+    }
+    let (picture, profile) = guarded(path, format.name(), || {
+        let mut decoder = decoder(path, format, file, bytes)?;
+        if alpha == Alpha::Needed && !decoder.color_type().has_alpha() {
+            let reason = "it has no alpha, which is the weight of the constraint: paint on a transparent layer and \
+                          save it as PNG or EXR with alpha";
+            return Err(format_error(path, format.name(), reason));
+        }
+        // One that is damaged says nothing.
+        let profile = decoder.icc_profile().ok().flatten();
+        let picture = DynamicImage::from_decoder(decoder);
+        Ok((picture.map_err(|error| decoder_error(path, format, error))?, profile))
+    })?;
+    if heeds_profile && profile.is_some_and(|profile| !is_srgb(&profile)) {
+        ignored.push("its colour profile is not called sRGB".to_owned());
+    }
+    warn_of_ignored(path, &ignored);
+    let size = [picture.width() as usize, picture.height() as usize];
+    let mut pixels = room(path, size)?;
+    put_linear(&picture, curve, &mut pixels)
+        .ok_or_else(|| format_error(path, format.name(), "its kind of pixels is not supported"))?;
+    Ok((size, pixels))
+}
+
+/// The chunks before the pixels of a PNG picture whose size is usual.
+fn sound_header(path: &Path, file: &mut (impl BufRead + Seek), stored_bytes: u64) -> Result<PngHeader> {
+    let header = PngHeader::read(path, file)?;
+    check_size(path, PictureFormat::Png, header.size, header.bytes, stored_bytes)?;
+    Ok(header)
+}
+
+/// A decoder of a picture whose size is usual.
+fn decoder<'a>(
+    path: &Path,
+    format: PictureFormat,
+    file: impl BufRead + Seek + 'a,
+    stored_bytes: u64,
+) -> Result<impl ImageDecoder + 'a> {
     let mut reader = ImageReader::with_format(file, crate_format(path, format)?);
     let mut limits = Limits::default();
     let side = Camera::MAX_SIZE as u32;
     (limits.max_image_width, limits.max_image_height) = (Some(side), Some(side));
     limits.max_alloc = Some(DECODER_BYTES);
     reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(failed)?;
-    let (width, height) = decoder.dimensions();
-    let size = [width as usize, height as usize];
-    check_size(path, format, size, decoder.total_bytes().into(), bytes)?;
-    if alpha == Alpha::Needed && !decoder.color_type().has_alpha() {
-        let reason = "it has no alpha, which is the weight of the constraint: paint on a transparent layer and \
-                      save it as PNG or EXR with alpha";
-        return Err(format_error(path, format.name(), reason));
+    let decoder = reader.into_decoder().map_err(|error| decoder_error(path, format, error))?;
+    // Those of a PNG are checked as they are stored: up to 32 bits come of one.
+    if format != PictureFormat::Png {
+        check_size(path, format, size(&decoder), decoder.total_bytes().into(), stored_bytes)?;
     }
-    let picture = DynamicImage::from_decoder(decoder).map_err(failed)?;
-    let pixels = linear_pixels(&picture)
-        .ok_or_else(|| format_error(path, format.name(), "its kind of pixels is not supported"))?;
-    Ok((size, pixels))
+    Ok(decoder)
+}
+
+fn size(decoder: &impl ImageDecoder) -> [usize; 2] {
+    let (width, height) = decoder.dimensions();
+    [width as usize, height as usize]
+}
+
+/// Whether an ICC profile calls itself sRGB, and not linear.
+fn is_srgb(profile: &[u8]) -> bool {
+    let says = |name: &str| {
+        let wide: Vec<u8> = name.bytes().flat_map(|letter| [0, letter]).collect();
+        [name.as_bytes(), &wide].iter().any(|name| profile.windows(name.len()).any(|part| part == *name))
+    };
+    says("sRGB") && !says("inear")
 }
 
 fn crate_format(path: &Path, format: PictureFormat) -> Result<ImageFormat> {
     match format {
         PictureFormat::Png => Ok(ImageFormat::Png),
         PictureFormat::Jpeg => Ok(ImageFormat::Jpeg),
-        PictureFormat::Hdr => Ok(ImageFormat::Hdr),
-        PictureFormat::Exr => Err(format_error(path, format.name(), "it is read elsewhere")),
+        PictureFormat::Hdr | PictureFormat::Exr => {
+            Err(format_error(path, format.name(), "it is read elsewhere"))
+        }
     }
 }
 
 /// None for a kind of pixels that the `image` crate may learn one day.
-fn linear_pixels<const N: usize>(picture: &DynamicImage) -> Option<Vec<[f32; N]>> {
+fn put_linear<const N: usize>(picture: &DynamicImage, curve: Curve, to: &mut Vec<[f32; N]>) -> Option<()> {
     let channels = usize::from(picture.color().channel_count());
-    let bytes = |samples: &[u8]| {
-        let linear = linear_codes(255);
-        pixels(samples, channels, |code| linear[usize::from(code)], |code| f32::from(code) / 255.0)
+    let mut bytes = |samples: &[u8]| {
+        let linear = linear_codes(255, curve);
+        put(samples, channels, |code| linear[usize::from(code)], |code| f32::from(code) / 255.0, to);
     };
-    let words = |samples: &[u16]| {
-        let linear = linear_codes(65535);
-        pixels(samples, channels, |code| linear[usize::from(code)], |code| f32::from(code) / 65535.0)
-    };
-    let floats = |samples: &[f32]| pixels(samples, channels, |value| value, |value| value);
-    Some(match picture {
+    match picture {
         DynamicImage::ImageLuma8(p) => bytes(p),
         DynamicImage::ImageLumaA8(p) => bytes(p),
         DynamicImage::ImageRgb8(p) => bytes(p),
         DynamicImage::ImageRgba8(p) => bytes(p),
-        DynamicImage::ImageLuma16(p) => words(p),
-        DynamicImage::ImageLumaA16(p) => words(p),
-        DynamicImage::ImageRgb16(p) => words(p),
-        DynamicImage::ImageRgba16(p) => words(p),
-        DynamicImage::ImageRgb32F(p) => floats(p),
-        DynamicImage::ImageRgba32F(p) => floats(p),
-        _ => return None,
-    })
+        _ => {
+            let samples: &[u16] = match picture {
+                DynamicImage::ImageLuma16(p) => p,
+                DynamicImage::ImageLumaA16(p) => p,
+                DynamicImage::ImageRgb16(p) => p,
+                DynamicImage::ImageRgba16(p) => p,
+                _ => return None,
+            };
+            let linear = linear_codes(65535, curve);
+            put(samples, channels, |code| linear[usize::from(code)], |code| f32::from(code) / 65535.0, to);
+        }
+    }
+    Some(())
 }
 
-/// The linear value of each sRGB code from 0 to `top`.
-fn linear_codes(top: u16) -> Vec<f32> {
-    (0..=top).map(|code| linear_from_srgb(f32::from(code) / f32::from(top))).collect()
+/// The linear value of each code from 0 to `top`.
+fn linear_codes(top: u16, curve: Curve) -> Vec<f32> {
+    (0..=top).map(|code| curve.linear(f32::from(code) / f32::from(top))).collect()
 }
 
 /// The first N of R, G, B, A; grey counts as all three colours, and where there is no alpha it is 1.
-fn pixels<T: Copy, const N: usize>(
+fn put<T: Copy, const N: usize>(
     samples: &[T],
     channels: usize,
     color: impl Fn(T) -> f32,
     alpha: impl Fn(T) -> f32,
-) -> Vec<[f32; N]> {
+    to: &mut Vec<[f32; N]>,
+) {
     let has_alpha = channels.is_multiple_of(2);
     let is_grey = channels < 3;
     let pixel = |samples: &[T]| {
@@ -148,7 +212,7 @@ fn pixels<T: Copy, const N: usize>(
             _ => color(samples[component]),
         })
     };
-    samples.chunks_exact(channels).map(pixel).collect()
+    to.extend(samples.chunks_exact(channels).map(pixel));
 }
 
 fn decoder_error(path: &Path, format: PictureFormat, error: ImageError) -> Error {
@@ -160,5 +224,17 @@ fn decoder_error(path: &Path, format: PictureFormat, error: ImageError) -> Error
             file_error("read", path, source)
         }
         other => format_error(path, format.name(), other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_profile_is_srgb_by_its_name() {
+        let wide: Vec<u8> = "GIMP built-in sRGB".bytes().flat_map(|letter| [0, letter]).collect();
+        assert!(is_srgb(b"..desc..sRGB IEC61966-2.1..") && is_srgb(&wide));
+        assert!(!is_srgb(b"..desc..Display P3..") && !is_srgb(b"Linear sRGB") && !is_srgb(b"linear sRGB"));
     }
 }

@@ -1,7 +1,12 @@
 //! Pictures in and out: EXR is linear, PNG and JPEG are sRGB, HDR is linear with shared exponents.
+//!
+//! A PNG picture that says so has another curve than that of sRGB. The exposure of an HDR picture is divided out.
+//! What else a picture says of its colours (profiles, primaries) is ignored, with a warning.
 
 mod coded;
 mod openexr;
+mod png_header;
+mod radiance;
 mod srgb;
 
 use std::fs::File;
@@ -42,17 +47,30 @@ pub fn write_hdr(path: &Path, image: &Image) -> Result<()> {
     write_whole(path, |file| file.write_all(&bytes).map_err(|source| file_error("write", path, source)))
 }
 
+/// Width and height of a picture in pixels, from its header; nothing is decoded. Each is from 1 to 16384.
+///
+/// Errors: as [`read_image`], for what is before the pixels.
+pub fn size_of(path: &Path) -> Result<[usize; 2]> {
+    let mut source = PictureFile::open(path)?;
+    match source.format {
+        PictureFormat::Exr => openexr::size_of(path, source.file, source.bytes),
+        PictureFormat::Hdr => radiance::size_of(path, &mut source.file, source.bytes),
+        PictureFormat::Png | PictureFormat::Jpeg => coded::size_of(path, source),
+    }
+}
+
 /// Reads an EXR, PNG, HDR or JPEG picture as linear radiance; its content says which it is, not its name.
 ///
 /// Alpha is left out: the colours of an EXR are radiance already, those of a PNG are straight. Grey becomes RGB. The
 /// size is that of the display window; what the data window of an EXR leaves open is black.
 ///
 /// Errors: [`Error::File`] when it cannot be read, [`Error::Format`] when it is damaged, holds a NaN or an infinity, or
-/// is larger than 16384 pixels a side.
+/// is larger than 16384 pixels a side, [`Error::Machine`] when there is no memory for it.
 pub fn read_image(path: &Path) -> Result<Image> {
     let source = PictureFile::open(path)?;
     let (size, pixels) = match source.format {
         PictureFormat::Exr => openexr::read::<3>(path, source.file, source.bytes, Alpha::Optional)?,
+        PictureFormat::Hdr => radiance::read::<3>(path, source.file, source.bytes)?,
         _ => coded::read::<3>(path, source, Alpha::Optional)?,
     };
     check_finite(path, size, &pixels)?;
@@ -61,16 +79,19 @@ pub fn read_image(path: &Path) -> Result<Image> {
 
 /// Reads a painted layer from an EXR or PNG picture with alpha, which is the weight of the constraint.
 ///
-/// The alpha of an EXR is divided out of its colours; that of a PNG never was in them.
+/// The alpha of an EXR is divided out of its colours; that of a PNG never was in them. Alpha that is outside [0, 1] by up to
+/// 0.01, as filters of renderers leave it, becomes 0 or 1. Where it is too small to be divided by, it becomes 0. It is 0 too
+/// where the data window of an EXR leaves the display window open.
 ///
-/// Errors: as [`read_image`], and [`Error::Format`] when there is no alpha or it is outside [0, 1].
+/// Errors: as [`read_image`], and [`Error::Format`] when there is no alpha or it is further outside [0, 1].
 pub fn read_layer(path: &Path) -> Result<RgbaImage> {
     read_weighted(path, Alpha::Needed)
 }
 
-/// Reads a picture that a view should show, as [`read_layer`] does; where there is no alpha, all pixels weigh 1.
+/// Reads a picture that a view should show, as [`read_layer`] does; where there is no alpha, all pixels weigh 1
+/// that are there.
 ///
-/// Errors: as [`read_image`], and [`Error::Format`] when an alpha is outside [0, 1].
+/// Errors: as [`read_image`], and [`Error::Format`] when an alpha is outside [0, 1] by more than 0.01.
 pub fn read_target(path: &Path) -> Result<RgbaImage> {
     read_weighted(path, Alpha::Optional)
 }
@@ -89,9 +110,15 @@ fn read_weighted(path: &Path, alpha: Alpha) -> Result<RgbaImage> {
             let (size, mut pixels) = openexr::read::<4>(path, source.file, source.bytes, alpha)?;
             // Before alpha is divided out, so that a bad alpha is not blamed on the colour.
             check_weights(path, size, &pixels)?;
+            check_finite(path, size, &pixels)?;
             pixels.iter_mut().for_each(divide_out_alpha);
             (size, pixels)
         }
+        PictureFormat::Hdr if alpha == Alpha::Needed => {
+            let reason = "an HDR picture has no alpha, which is the weight of the constraint: save it as EXR with alpha";
+            return Err(format_error(path, source.format.name(), reason));
+        }
+        PictureFormat::Hdr => radiance::read::<4>(path, source.file, source.bytes)?,
         _ => coded::read::<4>(path, source, alpha)?,
     };
     check_finite(path, size, &pixels)?;
@@ -108,12 +135,12 @@ enum PictureFormat {
 }
 
 impl PictureFormat {
-    const SIGNATURES: [(Self, &'static [u8]); 5] = [
+    const SIGNATURES: [(Self, &'static [u8]); 4] = [
         (Self::Exr, &[0x76, 0x2f, 0x31, 0x01]),
         (Self::Png, b"\x89PNG\r\n\x1a\n"),
         (Self::Jpeg, &[0xff, 0xd8, 0xff]),
-        (Self::Hdr, b"#?RADIANCE"),
-        (Self::Hdr, b"#?RGBE"),
+        // A program's name follows, such as RADIANCE or RGBE.
+        (Self::Hdr, b"#?"),
     ];
 
     fn of(start: &[u8]) -> Option<Self> {
@@ -175,15 +202,23 @@ fn check_size(
     Ok(())
 }
 
+/// How far outside [0, 1] an alpha may be.
+const STRAY: f32 = 0.01;
+
 fn divide_out_alpha(pixel: &mut [f32; 4]) {
     let [color @ .., alpha] = pixel;
     if *alpha > 0.0 {
         color.iter_mut().for_each(|c| *c /= *alpha);
     }
+    if color.iter().all(|c| c.is_finite()) {
+        *alpha = alpha.clamp(0.0, 1.0);
+    } else {
+        *pixel = [0.0; 4];
+    }
 }
 
 fn check_weights(path: &Path, size: [usize; 2], pixels: &[[f32; 4]]) -> Result<()> {
-    match pixels.iter().position(|p| !(0.0..=1.0).contains(&p[3])) {
+    match pixels.iter().position(|p| !(-STRAY..=1.0 + STRAY).contains(&p[3])) {
         None => Ok(()),
         Some(index) => {
             let reason = format!(
@@ -193,6 +228,26 @@ fn check_weights(path: &Path, size: [usize; 2], pixels: &[[f32; 4]]) -> Result<(
             );
             Err(format_error(path, PictureFormat::Exr.name(), reason))
         }
+    }
+}
+
+/// A list without pixels that has room for all of a picture.
+fn room<const N: usize>(path: &Path, [width, height]: [usize; 2]) -> Result<Vec<[f32; N]>> {
+    let mut pixels = Vec::new();
+    pixels.try_reserve_exact(width * height).map_err(|_| {
+        let file = path.display();
+        Error::Machine(format!("there is no memory for the {width} × {height} pixels of {file}"))
+    })?;
+    Ok(pixels)
+}
+
+/// Says what a picture says of its colours and nobody listens to.
+fn warn_of_ignored(path: &Path, ignored: &[String]) {
+    if !ignored.is_empty() {
+        let (file, ignored) = (path.display(), ignored.join(", and "));
+        tracing::warn!(
+            "{file}: {ignored}; this is ignored, so convert it to sRGB, or save it as linear Rec. 709"
+        );
     }
 }
 

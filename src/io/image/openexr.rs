@@ -2,16 +2,20 @@ use std::collections::HashSet;
 use std::io::{Read, Seek};
 use std::path::Path;
 
-use ::exr::block::{self, UncompressedBlock, lines::LineRef};
+use ::exr::block::{self, UncompressedBlock, lines::LineRef, reader::Reader};
 use ::exr::image::{Blocks, Encoding, Image as ExrImage, SpecificChannels, write::WritableImage};
 use ::exr::math::Vec2;
 use ::exr::meta::BlockDescription;
-use ::exr::meta::attribute::{Compression, LineOrder, SampleType};
+use ::exr::meta::attribute::{Chromaticities, Compression, IntegerBounds, LineOrder, SampleType};
 use ::exr::meta::header::Header;
 use ::exr::prelude::f16;
 
+use super::super::guard::guarded;
 use super::super::whole::write_whole_seekable;
-use super::{Alpha, PictureFormat, check_size, check_writable, file_error, format_error};
+use super::srgb::is_rec_709;
+use super::{
+    Alpha, PictureFormat, check_size, check_writable, file_error, format_error, room, warn_of_ignored,
+};
 use crate::scene::{Camera, Image};
 use crate::{Error, Result};
 
@@ -37,21 +41,45 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
     })
 }
 
-/// Size of the display window, and in it the first N of R, G, B, A as they are stored.
+/// Size of the display window.
+pub(super) fn size_of(path: &Path, file: impl Read + Seek, stored_bytes: u64) -> Result<[usize; 2]> {
+    guarded(path, PictureFormat::Exr.name(), || {
+        let reader = opened(path, file, stored_bytes)?;
+        let header = reader.headers().first();
+        let header =
+            header.ok_or_else(|| format_error(path, PictureFormat::Exr.name(), "it has no picture"))?;
+        let Vec2(width, height) = header.shared_attributes.display_window.size;
+        Ok([width, height])
+    })
+}
+
+/// Size of the display window, and in it the first N of R, G, B, A as they are stored. Where there is no A, the data window
+/// has 1.
 pub(super) fn read<const N: usize>(
     path: &Path,
     file: impl Read + Seek,
     stored_bytes: u64,
     alpha: Alpha,
 ) -> Result<([usize; 2], Vec<[f32; N]>)> {
+    guarded(path, PictureFormat::Exr.name(), || decoded(path, file, stored_bytes, alpha))
+}
+
+fn decoded<const N: usize>(
+    path: &Path,
+    file: impl Read + Seek,
+    stored_bytes: u64,
+    alpha: Alpha,
+) -> Result<([usize; 2], Vec<[f32; N]>)> {
     let failed = |error| exr_error("read", path, error);
-    let reader = block::read(file, false).map_err(failed)?;
-    reader.headers().iter().try_for_each(|header| check_header(path, header, stored_bytes))?;
+    let reader = opened(path, file, stored_bytes)?;
     let source = ExrChannels::find(path, reader.headers(), alpha)?;
-    let mut picture = Picture::<N>::for_layer(&reader.headers()[source.layer]);
-    if N == 4 && source.rgba[3].is_none() {
-        picture.pixels.iter_mut().for_each(|pixel| pixel[N - 1] = 1.0);
+    let header = &reader.headers()[source.layer];
+    if let Some(Chromaticities { white, red, green, blue }) = header.shared_attributes.chromaticities
+        && !is_rec_709([white, red, green, blue].map(|Vec2(x, y)| [x.into(), y.into()]))
+    {
+        warn_of_ignored(path, &["its chromaticities are not those of Rec. 709".to_owned()]);
     }
+    let mut picture = Picture::<N>::for_layer(path, header)?;
     let chunks = reader.all_chunks(false).map_err(failed)?;
     let meta_data = ::exr::block::reader::ChunksReader::meta_data(&chunks).clone();
     let header = &meta_data.headers[source.layer];
@@ -68,6 +96,9 @@ pub(super) fn read<const N: usize>(
         if !seen.insert(place.tile_index) {
             return Err(format_error(path, PictureFormat::Exr.name(), "one of its blocks is there twice"));
         }
+        if !picture.shows(header.get_absolute_block_pixel_coordinates(place).map_err(failed)?) {
+            continue;
+        }
         let block = UncompressedBlock::decompress_chunk(chunk, &meta_data, false).map_err(failed)?;
         for line in block.lines(&header.channels) {
             picture.put(&line, &source, header).map_err(failed)?;
@@ -77,6 +108,13 @@ pub(super) fn read<const N: usize>(
         return Err(format_error(path, PictureFormat::Exr.name(), "some of its blocks are missing"));
     }
     Ok((picture.size, picture.pixels))
+}
+
+/// A file whose headers have passed.
+fn opened<F: Read + Seek>(path: &Path, file: F, stored_bytes: u64) -> Result<Reader<F>> {
+    let reader = block::read(file, false).map_err(|error| exr_error("read", path, error))?;
+    reader.headers().iter().try_for_each(|header| check_header(path, header, stored_bytes))?;
+    Ok(reader)
 }
 
 /// Refuses windows, blocks and compressions that would make the decoder allocate without measure.
@@ -102,8 +140,20 @@ fn check_header(path: &Path, header: &Header, stored_bytes: u64) -> Result<()> {
         let reason = format!("its tiles are {width} × {height} pixels, and a side must be from 1 to 16384");
         return Err(format_error(path, PictureFormat::Exr.name(), reason));
     }
+    // A block is unpacked whole, however little of it is shown.
+    let Vec2(width, height) = header.max_block_pixel_size();
+    let bytes = [width, height, header.channels.bytes_per_pixel].map(|n| n as u128);
+    if bytes.iter().product::<u128>() > BLOCK_BYTES {
+        let reason = format!(
+            "it is stored in blocks of {width} × {height} pixels; save it in scan lines or smaller tiles"
+        );
+        return Err(format_error(path, PictureFormat::Exr.name(), reason));
+    }
     Ok(())
 }
+
+/// Bytes of an unpacked block at most.
+const BLOCK_BYTES: u128 = 1 << 29;
 
 fn blocks_of_full_size(header: &Header) -> usize {
     let Vec2(width, height) = header.layer_size;
@@ -184,15 +234,24 @@ struct Picture<const N: usize> {
 }
 
 impl<const N: usize> Picture<N> {
-    fn for_layer(header: &Header) -> Self {
+    fn for_layer(path: &Path, header: &Header) -> Result<Self> {
         let display = header.shared_attributes.display_window;
         let data = header.own_attributes.layer_position;
         let offset = |data: i32, display: i32| i64::from(data) - i64::from(display);
-        Self {
-            size: [display.size.0, display.size.1],
-            offset: [offset(data.0, display.position.0), offset(data.1, display.position.1)],
-            pixels: vec![[0.0; N]; display.size.area()],
-        }
+        let size = [display.size.0, display.size.1];
+        let mut pixels = room(path, size)?;
+        pixels.resize(display.size.area(), [0.0; N]);
+        let offset = [offset(data.0, display.position.0), offset(data.1, display.position.1)];
+        Ok(Self { size, offset, pixels })
+    }
+
+    /// Whether a part of the data window reaches into the display window.
+    fn shows(&self, part: IntegerBounds) -> bool {
+        let overlaps = |start: i32, length: usize, axis: usize| {
+            let start = i64::from(start) + self.offset[axis];
+            start < self.size[axis] as i64 && start + length as i64 > 0
+        };
+        overlaps(part.position.0, part.size.0, 0) && overlaps(part.position.1, part.size.1, 1)
     }
 
     /// Keeps what a line of one channel has inside the display window.
@@ -203,10 +262,14 @@ impl<const N: usize> Picture<N> {
         }
         let Vec2(x, y) = line.location.position;
         let components = &source.rgba[..N];
+        let stands_for_alpha = N == 4 && source.rgba[3].is_none() && source.rgba[0] == Some(channel);
         let mut put = |index: usize, value: f32| {
             if let Some(pixel) = self.at(x + index, y) {
                 for (component, _) in components.iter().enumerate().filter(|(_, c)| **c == Some(channel)) {
                     pixel[component] = value;
+                }
+                if stands_for_alpha {
+                    pixel[N - 1] = 1.0;
                 }
             }
         };

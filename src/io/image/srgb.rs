@@ -8,6 +8,13 @@ pub fn linear_from_srgb(srgb: f32) -> f32 {
     if srgb <= 0.040_45 { srgb / 12.92 } else { ((srgb + 0.055) / 1.055).powf(2.4) }
 }
 
+/// Whether white, red, green and blue lie where Rec. 709 has them, as x and y.
+pub(super) fn is_rec_709(primaries: [[f64; 2]; 4]) -> bool {
+    const REC_709: [[f64; 2]; 4] = [[0.3127, 0.329], [0.64, 0.33], [0.3, 0.6], [0.15, 0.06]];
+    let both = primaries.as_flattened().iter().zip(REC_709.as_flattened());
+    both.into_iter().all(|(given, expected)| (given - expected).abs() < 5e-3)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -29,5 +36,17 @@ mod tests {
                 assert_eq!((srgb_from_linear(linear) * top as f32).round() as u32, code, "of {top}");
             }
         }
+    }
+
+    #[test]
+    fn only_the_primaries_of_rec_709_are_rec_709() {
+        let rounded = [[0.3127, 0.329], [0.639, 0.331], [0.3, 0.6], [0.15, 0.06]];
+        assert!(is_rec_709(rounded));
+        for place in 0..8 {
+            let mut other = rounded;
+            other.as_flattened_mut()[place] += 0.01;
+            assert!(!is_rec_709(other), "{place}");
+        }
+        assert!(!is_rec_709([[f64::NAN; 2]; 4]));
     }
 }

@@ -11,6 +11,7 @@ use ::image::{DynamicImage, ImageBuffer, ImageFormat};
 use proptest::prelude::*;
 use tempfile::TempDir;
 
+use super::png_header::tests::png;
 use super::*;
 
 /// A folder that is there as long as the test.
@@ -192,12 +193,144 @@ fn a_layer_without_alpha_or_with_an_impossible_one_is_refused() {
     let color = ["R", "G", "B"].map(|name| (name, constant(0.5, size)));
     let path = folder.holding("a", &exr_bytes(size, &color, Encoding::UNCOMPRESSED));
     assert!(reason(read_layer(&path)).contains("alpha"));
-    for alpha in [-0.1, 1.001, f32::NAN] {
+    for alpha in [-0.02, 1.02, f32::NAN] {
         let mut channels = color.to_vec();
         channels.push(("A", constant(alpha, size)));
         let path = folder.holding("a", &exr_bytes(size, &channels, Encoding::UNCOMPRESSED));
         assert!(reason(read_layer(&path)).contains("pixel (0, 0)"), "{alpha}");
     }
+}
+
+#[test]
+fn alpha_just_outside_its_range_or_too_small_to_divide_by_is_put_right() {
+    let folder = Folder::new();
+    let size = [2, 2];
+    let read = |color: f32, alpha: f32| {
+        let mut channels = ["R", "G", "B"].map(|name| (name, constant(color, size))).to_vec();
+        channels.push(("A", constant(alpha, size)));
+        let bytes = exr_bytes(size, &channels, Encoding::UNCOMPRESSED);
+        read_layer(&folder.holding("a", &bytes)).map(|layer| layer.pixels[0])
+    };
+    assert_eq!(read(1.0, 0.5).unwrap(), [2.0, 2.0, 2.0, 0.5]);
+    assert_eq!(read(1.0005, 1.0005).unwrap(), [1.0; 4]);
+    assert_eq!(read(0.5, 1.0 + f32::EPSILON).unwrap()[3], 1.0);
+    assert_eq!(read(0.25, -0.005).unwrap(), [0.25, 0.25, 0.25, 0.0]);
+    assert_eq!(read(1e20, 1e-30).unwrap(), [0.0; 4], "no colour comes of a division that overflows");
+    assert_eq!(read(1e-30, 1e-30).unwrap(), [1.0, 1.0, 1.0, 1e-30]);
+    assert!(reason(read(f32::INFINITY, 0.5)).contains("pixel (0, 0) is not a finite number"));
+}
+
+#[test]
+fn a_png_is_linear_where_it_says_so_to_the_last_bit() {
+    let folder = Folder::new();
+    let linear = (b"gAMA", &100_000_u32.to_be_bytes()[..]);
+    for code in [0, 1, 128, 255_u8] {
+        let path = folder.holding("a", &png(8, 0, &[linear], &[code]));
+        assert_eq!(read_image(&path).unwrap().pixels[0], [f32::from(code) / 255.0; 3]);
+        let path = folder.holding("a", &png(8, 0, &[linear, (b"sRGB", &[0])], &[code]));
+        assert_eq!(read_image(&path).unwrap().pixels[0], [linear_from_srgb(f32::from(code) / 255.0); 3]);
+    }
+    for code in [1000, 65535_u16] {
+        let path = folder.holding("a", &png(16, 0, &[linear], &code.to_be_bytes()));
+        assert_eq!(read_image(&path).unwrap().pixels[0], [f32::from(code) / 65535.0; 3]);
+    }
+    let path = folder.holding("a", &png(8, 4, &[linear], &[128, 128]));
+    assert_eq!(read_layer(&path).unwrap().pixels[0], [128.0 / 255.0; 4], "alpha has no curve");
+}
+
+#[test]
+fn a_palette_that_panics_the_decoder_is_a_reason() {
+    let folder = Folder::new();
+    let palette = |data: &[u8]| read_image(&folder.holding("a", &png(8, 3, &[(b"PLTE", data)], &[0])));
+    assert_eq!(palette(&[255; 3]).unwrap().pixels[0], [1.0; 3]);
+    let deep = png(1, 3, &[(b"PLTE", &[255; 3])], &[0]);
+    assert_eq!(read_image(&folder.holding("a", &deep)).unwrap().pixels[0], [1.0; 3]);
+    assert!(reason(palette(&[255; 4])).contains("palette"));
+    assert!(reason(read_image(&folder.holding("a", &png(8, 3, &[], &[0])))).contains("palette"));
+}
+
+/// Hears warnings.
+#[derive(Clone, Default)]
+struct Listener(std::sync::Arc<std::sync::Mutex<Vec<String>>>);
+
+impl tracing::field::Visit for Listener {
+    fn record_debug(&mut self, _: &tracing::field::Field, value: &dyn std::fmt::Debug) {
+        self.0.lock().unwrap().push(format!("{value:?}"));
+    }
+}
+
+impl tracing::Subscriber for Listener {
+    fn enabled(&self, metadata: &tracing::Metadata<'_>) -> bool {
+        *metadata.level() == tracing::Level::WARN
+    }
+
+    fn new_span(&self, _: &tracing::span::Attributes<'_>) -> tracing::span::Id {
+        tracing::span::Id::from_u64(1)
+    }
+
+    fn record(&self, _: &tracing::span::Id, _: &tracing::span::Record<'_>) {}
+
+    fn record_follows_from(&self, _: &tracing::span::Id, _: &tracing::span::Id) {}
+
+    fn event(&self, event: &tracing::Event<'_>) {
+        event.record(&mut self.clone());
+    }
+
+    fn enter(&self, _: &tracing::span::Id) {}
+
+    fn exit(&self, _: &tracing::span::Id) {}
+}
+
+/// The warnings of reading a picture.
+fn warnings(path: &Path) -> Vec<String> {
+    let listener = Listener::default();
+    tracing::subscriber::with_default(listener.clone(), || read_image(path).unwrap());
+    std::mem::take(&mut listener.0.lock().unwrap())
+}
+
+#[test]
+fn what_a_picture_says_of_its_colours_and_nobody_heeds_is_told_once() {
+    let folder = Folder::new();
+    let path = folder.holding("a.png", &png(8, 2, &[(b"cICP", &[9, 16, 0, 1])], &[1, 2, 3]));
+    let [warning] = &warnings(&path)[..] else { panic!("one warning") };
+    assert!(
+        ["a.png", "number 9 of ITU-T H.273", "PQ"].iter().all(|part| warning.contains(part)),
+        "{warning}"
+    );
+
+    let profile = |name: &str| {
+        use ::image::ImageEncoder;
+        let mut bytes = Vec::new();
+        let mut encoder = ::image::codecs::png::PngEncoder::new(&mut bytes);
+        encoder.set_icc_profile(name.as_bytes().to_vec()).unwrap();
+        encoder.write_image(&[1, 2, 3], 1, 1, ::image::ExtendedColorType::Rgb8).unwrap();
+        warnings(&folder.holding("a.png", &bytes))
+    };
+    assert!(matches!(&profile("Display P3")[..], [warning] if warning.contains("profile")));
+    assert!(profile("sRGB IEC61966-2.1").is_empty());
+
+    let channels = ["R", "G", "B"].map(|name| (name, constant(1.0, [1, 1])));
+    let wide = |red: (f32, f32)| {
+        let list = channels.iter().map(|(name, samples)| AnyChannel::new(*name, samples.clone()));
+        let layer = Layer::new(
+            (1, 1),
+            LayerAttributes::default(),
+            Encoding::UNCOMPRESSED,
+            AnyChannels::sort(list.collect()),
+        );
+        let mut image = ExrImage::from_layer(layer);
+        image.attributes.chromaticities = Some(::exr::meta::attribute::Chromaticities {
+            red: Vec2(red.0, red.1),
+            green: Vec2(0.3, 0.6),
+            blue: Vec2(0.15, 0.06),
+            white: Vec2(0.3127, 0.329),
+        });
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image.write().non_parallel().to_buffered(&mut bytes).unwrap();
+        warnings(&folder.holding("a.exr", bytes.get_ref()))
+    };
+    assert!(wide((0.64, 0.33)).is_empty());
+    assert!(matches!(&wide((0.708, 0.292))[..], [warning] if warning.contains("chromaticities")));
 }
 
 #[test]
@@ -328,6 +461,77 @@ fn the_data_window_is_put_in_its_place() {
     }
     assert_eq!(weights, expected);
     assert_eq!(layer.pixels[12], [1.0, 1.0, 1.0, 1.0]);
+}
+
+#[test]
+fn what_the_data_window_leaves_open_has_no_weight() {
+    let folder = Folder::new();
+    let channels = ["R", "G", "B"].map(|name| (name, constant(0.5, [2, 1])));
+    let display = IntegerBounds::new((0, 0), (4, 2));
+    let bytes = placed_exr([2, 1], &channels, Encoding::UNCOMPRESSED, [1, 1], display);
+    let target = read_target(&folder.holding("a", &bytes)).unwrap();
+    let open = [0.0; 4];
+    let there = [0.5, 0.5, 0.5, 1.0];
+    assert_eq!(target.pixels, [open, open, open, open, open, there, there, open]);
+}
+
+#[test]
+fn a_block_that_would_take_all_memory_is_refused() {
+    let folder = Folder::new();
+    let encoding = Encoding { blocks: Blocks::Tiles(Vec2(2, 2)), ..Encoding::UNCOMPRESSED };
+    let mut exr = exr_bytes([2, 2], &[("Y", constant(1.0, [2, 2]))], encoding);
+    let value_of = |attribute: &[u8]| {
+        exr.windows(attribute.len()).position(|w| w == attribute).unwrap() + attribute.len() + 4
+    };
+    let (window, tiles) = (value_of(b"dataWindow\0box2i\0") + 8, value_of(b"tiles\0tiledesc\0"));
+    for (at, value) in [(window, 16383_i32), (window + 4, 16383), (tiles, 16384), (tiles + 4, 16384)] {
+        exr[at..at + 4].copy_from_slice(&value.to_le_bytes());
+    }
+    exr.resize(1 << 17, 0);
+    assert!(reason(read_image(&folder.holding("a", &exr))).contains("blocks of 16384 × 16384"));
+}
+
+/// A block that is not shown may be damaged: nobody has looked.
+#[test]
+fn only_blocks_that_are_shown_are_unpacked() {
+    let folder = Folder::new();
+    let size = [64, 64];
+    let noise = (0..64 * 64_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 8) as f32).collect();
+    let noise = FlatSamples::F32(noise);
+    let channels = ["R", "G", "B"].map(|name| (name, noise.clone()));
+    for blocks in [Blocks::ScanLines, Blocks::Tiles(Vec2(16, 16))] {
+        let encoding = Encoding { compression: Compression::ZIP1, blocks, line_order: LineOrder::Increasing };
+        let display = IntegerBounds::new((-20, -20), (30, 30));
+        let mut bytes = placed_exr(size, &channels, encoding, [0, 0], display);
+        let end = bytes.len() - 40;
+        bytes[end..].fill(0xff);
+        assert!(read_image(&folder.holding("a", &bytes)).is_ok());
+        let display = IntegerBounds::new((0, 0), (64, 64));
+        let mut bytes = placed_exr(size, &channels, encoding, [0, 0], display);
+        let end = bytes.len() - 40;
+        bytes[end..].fill(0xff);
+        assert!(read_image(&folder.holding("a", &bytes)).is_err());
+    }
+}
+
+#[test]
+fn the_size_of_a_picture_is_read_from_its_header() {
+    let folder = Folder::new();
+    for (kind, file) in valid_files().iter().enumerate() {
+        let path = folder.holding("whole", file);
+        assert_eq!(size_of(&path).unwrap(), read_image(&path).unwrap().size(), "kind {kind}");
+    }
+    for format in [ImageFormat::Png, ImageFormat::Hdr] {
+        let picture = DynamicImage::new_rgb32f(300, 200);
+        let picture = if format == ImageFormat::Png { picture.to_rgb8().into() } else { picture };
+        let bytes = coded_bytes(picture, format);
+        let path = folder.holding("half", &bytes[..bytes.len() - 16]);
+        assert_eq!(size_of(&path).unwrap(), [300, 200], "{format:?}");
+        assert!(read_image(&path).is_err(), "{format:?}");
+    }
+    let exr = exr_bytes([300, 200], &[("Y", constant(1.0, [300, 200]))], Encoding::UNCOMPRESSED);
+    assert_eq!(size_of(&folder.holding("half", &exr[..exr.len() / 2])).unwrap(), [300, 200]);
+    assert!(reason(size_of(&folder.holding("other", b"GIF89a"))).contains("EXR, PNG, HDR or JPEG"));
 }
 
 #[test]

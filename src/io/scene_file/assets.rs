@@ -13,11 +13,12 @@ use crate::scene::{Image, Mesh, Rgb, RgbaImage, VoxelGrid};
 use crate::{Error, Result};
 
 use super::file_name::{FileName, folder_of};
+use super::flaw::{Built, Flaw};
 use super::gltf_node::GltfNode;
 use super::size::MemorySize;
 
-/// Triangles of one occluder: what memory holds beside the rest.
-const MOST_TRIANGLES: usize = 100_000_000;
+/// Bytes of a triangle: its corners, what it is of, and its place in the hierarchy.
+const TRIANGLE: u64 = 256;
 
 /// Reads files relative to a scene file.
 #[derive(Debug)]
@@ -72,7 +73,8 @@ impl Assets {
 
     /// Triangles of a glTF node and everything below it.
     pub(super) fn gltf_mesh(&mut self, gltf: &GltfNode) -> Result<Mesh> {
-        self.scene(&gltf.file)?.mesh(gltf.node.as_deref(), MOST_TRIANGLES)
+        let most = (self.budget / TRIANGLE) as usize;
+        self.scene(&gltf.file)?.mesh(gltf.node.as_deref(), most)
     }
 
     /// Triangles of an OBJ file.
@@ -80,19 +82,38 @@ impl Assets {
         obj::load(&self.path(file)?)
     }
 
-    /// A painted layer.
-    pub(super) fn layer(&self, file: &FileName) -> Result<RgbaImage> {
-        image::read_layer(&self.path(file)?)
+    /// A painted layer of a view of that size.
+    pub(super) fn layer(&self, file: &FileName, size: [usize; 2]) -> Built<RgbaImage> {
+        self.of_size("layer", file, size, image::read_layer)
     }
 
-    /// A picture that a view should show, with the weights of its pixels: its alpha, or 1.
-    pub(super) fn target(&self, file: &FileName) -> Result<RgbaImage> {
-        image::read_target(&self.path(file)?)
+    /// A picture that a view of that size should show, with the weights of its pixels: its alpha, or 1.
+    pub(super) fn target(&self, file: &FileName, size: [usize; 2]) -> Built<RgbaImage> {
+        self.of_size("picture", file, size, image::read_target)
     }
 
-    /// A picture without weights.
-    pub(super) fn image(&self, file: &FileName) -> Result<Image> {
-        image::read_image(&self.path(file)?)
+    /// A picture without weights, for a view of that size.
+    pub(super) fn image(&self, file: &FileName, size: [usize; 2]) -> Built<Image> {
+        self.of_size("picture", file, size, image::read_image)
+    }
+
+    /// A picture of all directions.
+    pub(super) fn directions(&self, file: &FileName) -> Result<Image> {
+        let path = self.path(file)?;
+        let [width, height] = image::size_of(&path)?;
+        let what = format!("{} of {width} × {height} pixels", path.display());
+        self.allow(&what, (width * height * size_of::<Rgb>()) as u64)?;
+        image::read_image(&path)
+    }
+
+    fn of_size<T>(
+        &self,
+        what: &str,
+        file: &FileName,
+        size: [usize; 2],
+        read: impl FnOnce(&Path) -> Result<T>,
+    ) -> Built<T> {
+        of_size(what, &self.path(file)?, size, read)
     }
 
     /// A volume.
@@ -111,14 +132,20 @@ impl Assets {
         transforms::read(&self.path(file)?)
     }
 
+    /// Width and height of the picture of a shot.
+    pub(super) fn shot_size(shot: &Shot) -> Result<[usize; 2]> {
+        image::size_of(&shot.file)
+    }
+
     /// The picture of a shot.
     pub(super) fn shot_picture(shot: &Shot) -> Result<RgbaImage> {
         image::read_target(&shot.file)
     }
 
-    /// The mask of a shot.
-    pub(super) fn shot_mask(shot: &Shot) -> Result<Option<Image>> {
-        shot.mask.as_deref().map(image::read_image).transpose()
+    /// The mask of a shot, whose picture has that size.
+    pub(super) fn shot_mask(shot: &Shot, size: [usize; 2]) -> Built<Option<Image>> {
+        let read = |mask: &Path| of_size("mask", mask, size, image::read_image);
+        shot.mask.as_deref().map(read).transpose()
     }
 
     fn scene(&mut self, file: &FileName) -> Result<&GltfScene> {
@@ -135,5 +162,57 @@ impl Assets {
 
     fn path(&self, file: &FileName) -> Result<PathBuf> {
         file.in_folder(&self.folder)
+    }
+}
+
+/// What `read` makes of a picture, once its header says that it has the size of its view.
+fn of_size<T>(what: &str, path: &Path, size: [usize; 2], read: impl FnOnce(&Path) -> Result<T>) -> Built<T> {
+    let [w, h] = image::size_of(path)?;
+    if [w, h] == size {
+        return Ok(read(path)?);
+    }
+    let [width, height] = size;
+    let problem =
+        format!("the {what} has {w} x {h} pixels and its view {width} x {height}; they must be the same");
+    Err(Flaw::new("", problem))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Files beside a scene, of which `sky.hdr` ends soon after its header.
+    fn assets(folder: &tempfile::TempDir, size: &str) -> Assets {
+        let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{size}\n").into_bytes();
+        bytes.resize(1 << 18, 0);
+        std::fs::write(folder.path().join("sky.hdr"), bytes).unwrap();
+        Assets::beside(&folder.path().join("scene.json"))
+    }
+
+    #[test]
+    fn a_picture_of_another_size_than_its_view_is_not_decoded() {
+        let folder = tempfile::tempdir().unwrap();
+        let assets = assets(&folder, "-Y 16000 +X 16384");
+        let file = "sky.hdr".into();
+        let read = [
+            assets.layer(&file, [8, 6]).err(),
+            assets.target(&file, [8, 6]).err(),
+            assets.image(&file, [8, 6]).err(),
+        ];
+        for (flaw, what) in read.into_iter().zip(["layer", "picture", "picture"]) {
+            let Some(Flaw::Document { problem, .. }) = flaw else { panic!("the scene is at fault") };
+            assert!(problem.starts_with(&format!("the {what} has 16384 x 16000 pixels and its view 8 x 6")));
+        }
+    }
+
+    #[test]
+    fn a_picture_of_all_directions_fits_the_memory_of_the_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = "sky.hdr".into();
+        let is_too_large = |assets: Assets| matches!(assets.directions(&file), Err(Error::TooLarge { .. }));
+        assert!(is_too_large(assets(&folder, "-Y 16384 +X 16384").within(Some(MemorySize((3 << 30) - 1)))));
+        assert!(!is_too_large(assets(&folder, "-Y 512 +X 1024")));
+        assert!(!is_too_large(assets(&folder, "-Y 512 +X 1024").within(Some(MemorySize(6 << 20)))));
+        assert!(is_too_large(assets(&folder, "-Y 512 +X 1024").within(Some(MemorySize((6 << 20) - 1)))));
     }
 }

@@ -131,7 +131,7 @@ pub(super) fn painted(
     let strokes = strokes.map(|(i, stroke)| stroke.build(size).at(&format!("strokes[{i}]")));
     let strokes = strokes.collect::<Built<Vec<_>>>()?;
     let layers = layers.iter().enumerate();
-    let layers = layers.map(|(i, file)| layer(file, size, assets).at(&format!("layers[{i}]")));
+    let layers = layers.map(|(i, file)| assets.layer(file, size).at(&format!("layers[{i}]")));
     Ok(scene::View { name: name.to_owned(), camera, strokes, layers: layers.collect::<Built<_>>()? })
 }
 
@@ -154,21 +154,6 @@ fn check_name(name: &str) -> Built<()> {
         return Err(Flaw::value("name", format!("`{name}`"), "another name; results have this one"));
     }
     Ok(())
-}
-
-fn layer(file: &FileName, size: [usize; 2], assets: &Assets) -> Built<scene::RgbaImage> {
-    same_size(assets.layer(file)?, size)
-}
-
-fn same_size(layer: scene::RgbaImage, [width, height]: [usize; 2]) -> Built<scene::RgbaImage> {
-    let [w, h] = layer.size();
-    if [w, h] == [width, height] {
-        return Ok(layer);
-    }
-    Err(Flaw::new(
-        "",
-        format!("the layer has {w} x {h} pixels and its view {width} x {height}; they must be the same"),
-    ))
 }
 
 impl Camera {
@@ -375,14 +360,6 @@ mod tests {
         ] {
             assert!(check_name(bad).is_err(), "{bad}");
         }
-    }
-
-    #[test]
-    fn a_layer_of_another_size_is_refused_with_both_sizes() {
-        let layer = || scene::RgbaImage::transparent([4, 3]);
-        assert!(same_size(layer(), [4, 3]).is_ok());
-        let Err(Flaw::Document { problem, .. }) = same_size(layer(), [3, 4]) else { unreachable!() };
-        assert!(problem.contains("4 x 3") && problem.contains("3 x 4"), "{problem}");
     }
 
     #[test]

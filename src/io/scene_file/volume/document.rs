@@ -351,15 +351,15 @@ impl TransformsFile {
     }
 
     fn view(shot: &Shot) -> Built<scene::VolumeView> {
-        let picture = Assets::shot_picture(shot)?;
-        let size = picture.size();
+        let size = Assets::shot_size(shot)?;
         if shot.size.is_some_and(|said| said != size) {
             let [w, h] = shot.size.unwrap_or(size);
             let file = shot.file.display();
             let problem = format!("{file} has {} x {} pixels, not {w} x {h}", size[0], size[1]);
             return Err(Flaw::new("", problem));
         }
-        let mask = Assets::shot_mask(shot)?;
+        let picture = Assets::shot_picture(shot)?;
+        let mask = Assets::shot_mask(shot, size)?;
         let camera = scene::Camera::new(shot.world_from_camera, shot.fov_x, FovAxis::X, size)?;
         let name = name_of(&shot.file);
         Ok(scene::VolumeView {

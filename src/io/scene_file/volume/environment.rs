@@ -49,7 +49,7 @@ impl Environment {
         let radiance = self.radiance.unwrap_or(Self::default_radiance(self.file.as_ref()));
         let factor = radiance.rgb("radiance", f32::MAX)?;
         let Some(file) = &self.file else { return Ok(scene::Environment::constant(factor, directions)?) };
-        let mut picture = assets.image(file).at("file")?;
+        let mut picture = assets.directions(file).at("file")?;
         picture.pixels.iter_mut().for_each(|pixel| (0..3).for_each(|c| pixel[c] *= factor[c]));
         Ok(scene::Environment::map(picture, directions)?)
     }

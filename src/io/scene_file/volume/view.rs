@@ -7,7 +7,7 @@ use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
 use crate::io::scene_file::view::{Camera, Stroke, checked_camera, painted};
-use crate::scene::{self, Image, RgbaImage, luminance};
+use crate::scene::{self, RgbaImage, luminance};
 
 /// A camera and what its picture should show.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -18,7 +18,7 @@ pub struct VolumeView {
     /// Where it looks from, and the size of its picture.
     pub camera: Camera,
     /// What the picture should show: radiance from an EXR, HDR or PNG picture of the view's size, relative to the scene
-    /// file; alpha, where there is any, is the weight of a pixel.
+    /// file; alpha, where there is any, is the weight of a pixel. The colours of an EXR are divided by it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<FileName>,
     /// Weights of the picture's pixels, times its alpha: the luminance of a picture of the view's size, from 0 to 1.
@@ -82,7 +82,7 @@ impl VolumeView {
             keep: self.keep,
         };
         let view = wanted.build(&self.name, camera, assets)?;
-        let background = self.background.as_ref().map(|file| sized(assets.image(file)?, size)).transpose();
+        let background = self.background.as_ref().map(|file| assets.image(file, size)).transpose();
         Ok(scene::VolumeView { background: background.at("background")?, ..view })
     }
 }
@@ -108,7 +108,7 @@ impl Wanted<'_> {
         let size = camera.size();
         let view = painted(name, camera, self.strokes, self.layers, assets)?;
         let keep = checked("keep", self.keep.unwrap_or(KEEP), "from 0 to 1", |k| (0.0..=1.0).contains(&k))?;
-        let picture = self.picture.map(|file| wanted(file, size, assets)).transpose().at("picture")?;
+        let picture = self.picture.map(|file| assets.target(file, size)).transpose().at("picture")?;
         let picture = match (picture, self.weight) {
             (Some(picture), Some(file)) => Some(weighted(picture, file, assets).at("weight")?),
             (None, Some(_)) => {
@@ -116,8 +116,7 @@ impl Wanted<'_> {
             }
             (picture, None) => picture,
         };
-        let mask = self.mask.map(|file| -> Built<Image> { sized(assets.image(file)?, size) });
-        let mask = mask.transpose().at("mask")?;
+        let mask = self.mask.map(|file| assets.image(file, size)).transpose().at("mask")?;
         Ok(scene::VolumeView {
             view,
             picture,
@@ -128,18 +127,8 @@ impl Wanted<'_> {
     }
 }
 
-/// A target picture with its weights.
-fn wanted(file: &FileName, size: [usize; 2], assets: &Assets) -> Built<RgbaImage> {
-    let picture = assets.target(file)?;
-    let [width, height] = picture.size();
-    if [width, height] != size {
-        return Err(other_size([width, height], size));
-    }
-    Ok(picture)
-}
-
 fn weighted(mut picture: RgbaImage, file: &FileName, assets: &Assets) -> Built<RgbaImage> {
-    let weights = sized(assets.image(file)?, picture.size())?;
+    let weights = assets.image(file, picture.size())?;
     for (pixel, weight) in picture.pixels.iter_mut().zip(&weights.pixels) {
         let luminance = luminance(*weight);
         if !(-1e-6..=1.0 + 1e-6).contains(&luminance) {
@@ -148,14 +137,4 @@ fn weighted(mut picture: RgbaImage, file: &FileName, assets: &Assets) -> Built<R
         pixel[3] *= luminance.clamp(0.0, 1.0);
     }
     Ok(picture)
-}
-
-fn sized(image: Image, size: [usize; 2]) -> Built<Image> {
-    if image.size() == size { Ok(image) } else { Err(other_size(image.size(), size)) }
-}
-
-fn other_size([w, h]: [usize; 2], [width, height]: [usize; 2]) -> Flaw {
-    let problem =
-        format!("the picture has {w} x {h} pixels and its view {width} x {height}; they must be the same");
-    Flaw::new("", problem)
 }
