@@ -1,7 +1,5 @@
 //! The file itself: JSON, binary chunk, external files and data URIs.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -12,10 +10,14 @@ use serde_json::Value;
 
 use super::picture::Pictures;
 use super::{extensions, unread};
+use crate::io::input;
 use crate::{Error, Result};
 
 /// Neither a single file nor all buffers together are read beyond this many bytes.
 const MAX_FILE: u64 = 1 << 32;
+
+/// What to do about a larger one.
+const SPLIT: &str = "split the scene";
 
 /// A parsed file with its buffers. Nothing in it has been checked: indices go through [`GltfFile::get`].
 #[derive(Debug)]
@@ -78,7 +80,8 @@ impl GltfFile {
             blob = binary.map(<[u8]>::to_vec);
             gltf.parse(json)?
         } else {
-            gltf.parse(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes))?
+            let text = input::decoded(&bytes).map_err(|error| gltf.broken(error.to_string()))?;
+            gltf.parse(text.as_bytes())?
         };
         gltf.check_version()?;
         extensions::check(&gltf)?;
@@ -140,9 +143,7 @@ impl GltfFile {
             return Err(self.broken(format!("it refers to {uri}; only files beside it are read")));
         }
         let folder = self.path.parent().unwrap_or(Path::new(""));
-        let literal = folder.join(uri);
-        // Some exporters do not escape names: a file that is called just so comes first.
-        read_file(&if literal.is_file() { literal } else { folder.join(unescaped(uri)) })
+        read_file(&input::named(folder, uri)?)
     }
 
     /// The bytes of a buffer view.
@@ -186,18 +187,7 @@ impl GltfFile {
 }
 
 fn read_file(path: &Path) -> Result<Vec<u8>> {
-    let failed = |source| Error::File { action: "read", path: path.into(), source };
-    let file = File::open(path).map_err(failed)?;
-    let metadata = file.metadata().map_err(failed)?;
-    if !metadata.is_file() {
-        return Err(failed(std::io::Error::other("it is not a file")));
-    }
-    if metadata.len() > MAX_FILE {
-        return Err(too_large(path, metadata.len()));
-    }
-    let mut bytes = Vec::with_capacity(metadata.len() as usize);
-    file.take(MAX_FILE).read_to_end(&mut bytes).map_err(failed)?;
-    Ok(bytes)
+    input::bytes(path, MAX_FILE, SPLIT)
 }
 
 fn too_large(path: &Path, bytes: u64) -> Error {
@@ -205,20 +195,6 @@ fn too_large(path: &Path, bytes: u64) -> Error {
         what: path.display().to_string(),
         needed: format!("{bytes} bytes"),
         limit: format!("{MAX_FILE}"),
-        remedy: "split the scene",
+        remedy: SPLIT,
     }
-}
-
-/// With %20 and the like replaced by what they stand for.
-fn unescaped(uri: &str) -> String {
-    let mut bytes = Vec::with_capacity(uri.len());
-    let mut rest = uri.as_bytes();
-    while let Some((&first, after)) = rest.split_first() {
-        let digits = (first == b'%').then(|| after.get(..2)).flatten();
-        let digits = digits.filter(|digits| digits.iter().all(u8::is_ascii_hexdigit));
-        let code = digits.and_then(|d| u8::from_str_radix(std::str::from_utf8(d).ok()?, 16).ok());
-        bytes.push(code.unwrap_or(first));
-        rest = if code.is_some() { &after[2..] } else { after };
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
 }

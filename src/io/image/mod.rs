@@ -13,6 +13,7 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
+use super::input;
 use super::whole::write_whole;
 use crate::scene::{Camera, Image, RgbaImage};
 use crate::{Error, Result};
@@ -167,8 +168,7 @@ struct PictureFile {
 impl PictureFile {
     fn open(path: &Path) -> Result<Self> {
         let refused = |source| file_error("read", path, source);
-        let mut file = File::open(path).map_err(refused)?;
-        let bytes = file.metadata().map_err(refused)?.len();
+        let (mut file, bytes) = input::open(path)?;
         let mut start = Vec::new();
         (&file).take(16).read_to_end(&mut start).map_err(refused)?;
         file.rewind().map_err(refused)?;

@@ -33,11 +33,7 @@ pub(super) struct Assets {
 impl Assets {
     /// Files beside `scene_file`, within the memory that a solve may take when nothing is said about it.
     pub(super) fn beside(scene_file: &Path) -> Self {
-        Self {
-            folder: folder_of(scene_file),
-            budget: machine::default_budget(),
-            scenes: HashMap::new(),
-        }
+        Self { folder: folder_of(scene_file), budget: machine::default_budget(), scenes: HashMap::new() }
     }
 
     /// The same within the memory that a document allows, if it says so.
