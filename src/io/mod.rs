@@ -1,6 +1,7 @@
 //! Files in and out. Everything is written whole or not at all.
 
 mod checkpoint;
+mod cutout;
 pub mod gltf;
 pub mod image;
 pub mod npy;
@@ -11,6 +12,7 @@ pub mod transforms;
 pub mod vdb;
 pub mod volume;
 mod whole;
+mod whole_file;
 
 pub use checkpoint::Checkpoint;
 pub use whole::write_whole;

@@ -1,13 +1,12 @@
 //! The file itself: JSON, binary chunk, external files and data URIs.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use base64::Engine;
 use gltf_json::root::Get;
 use gltf_json::{Index, Root};
 
+use crate::io::whole_file;
 use crate::{Error, Result};
 
 /// Extensions that a file may require: known here, or without influence on shape, albedo and alpha.
@@ -26,9 +25,6 @@ const EXTENSIONS: [&str; 13] = [
     "KHR_materials_dispersion",
     "KHR_materials_variants",
 ];
-
-/// No single file is read beyond this many bytes.
-const MAX_FILE: u64 = 1 << 32;
 
 /// A parsed file with its buffers. Nothing in it has been checked: indices go through [`GltfFile::get`].
 #[derive(Debug)]
@@ -74,7 +70,7 @@ fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>), String> {
 
 impl GltfFile {
     pub(super) fn load(path: &Path) -> Result<Self> {
-        let bytes = read_file(path)?;
+        let bytes = whole_file::read(path)?;
         let mut gltf = Self { path: path.into(), root: Root::default(), buffers: Vec::new() };
         let mut blob = None;
         gltf.root = if bytes.starts_with(b"glTF") {
@@ -144,7 +140,7 @@ impl GltfFile {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let literal = folder.join(uri);
         // Some exporters do not escape names: a file that is called just so comes first.
-        read_file(&if literal.is_file() { literal } else { folder.join(unescaped(uri)) })
+        whole_file::read(&if literal.is_file() { literal } else { folder.join(unescaped(uri)) })
     }
 
     /// The bytes of a buffer view.
@@ -171,26 +167,6 @@ impl GltfFile {
     pub(super) fn broken(&self, reason: String) -> Error {
         Error::Format { path: self.path.clone(), format: "glTF", reason }
     }
-}
-
-fn read_file(path: &Path) -> Result<Vec<u8>> {
-    let failed = |source| Error::File { action: "read", path: path.into(), source };
-    let file = File::open(path).map_err(failed)?;
-    let metadata = file.metadata().map_err(failed)?;
-    if !metadata.is_file() {
-        return Err(failed(std::io::Error::other("it is not a file")));
-    }
-    if metadata.len() > MAX_FILE {
-        return Err(Error::TooLarge {
-            what: path.display().to_string(),
-            needed: format!("{} bytes", metadata.len()),
-            limit: format!("{MAX_FILE}"),
-            remedy: "split the scene",
-        });
-    }
-    let mut bytes = Vec::with_capacity(metadata.len() as usize);
-    file.take(MAX_FILE).read_to_end(&mut bytes).map_err(failed)?;
-    Ok(bytes)
 }
 
 /// With %20 and the like replaced by what they stand for.

@@ -1,7 +1,7 @@
 //! Base colour and alpha of materials.
 
 use std::io::Cursor;
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 
 use gltf_json::Index;
 use gltf_json::material::{AlphaMode, Material as JsonMaterial};
@@ -11,7 +11,8 @@ use image::{DynamicImage, ImageReader};
 
 use super::file::GltfFile;
 use crate::Result;
-use crate::scene::{AlphaMask, Material, Rgb, Wrap};
+use crate::io::cutout::Cutoff;
+use crate::scene::{Material, Rgb, Wrap};
 
 /// What a glTF material means here.
 #[derive(Debug, Clone)]
@@ -72,12 +73,11 @@ pub(super) fn read(file: &GltfFile, index: Option<Index<JsonMaterial>>, sets: &[
         let name = json.name.as_deref().unwrap_or("without a name");
         return Err(file.broken(format!("the base colour of material {name} is {factor:?}")));
     }
-    // In terms of the texture alone: alpha · factor < cutoff.
-    let cutoff = cutoff(json).map(|cutoff| cutoff / factor[3]);
+    let cutoff = cutoff(json).map(|cutoff| Cutoff::new(cutoff, factor[3]));
     let color = [factor[0], factor[1], factor[2]];
     let opaque = |albedo| Surface {
         material: Material { name: json.name.clone(), albedo, mask: None },
-        is_invisible: cutoff.is_some_and(|cutoff| cutoff > 1.0),
+        is_invisible: cutoff.is_some_and(Cutoff::leaves_nothing),
         coordinates: Coordinates::default(),
     };
     let Some(info) = base.base_color_texture.as_ref() else { return Ok(opaque(color)) };
@@ -86,15 +86,12 @@ pub(super) fn read(file: &GltfFile, index: Option<Index<JsonMaterial>>, sets: &[
     let has_alpha = picture.color().has_alpha() && sets.contains(&coordinates.set);
     let picture = picture.into_rgba8();
     let cutoff_of_mask = cutoff.filter(|_| has_alpha);
-    let mean = mean_where_there(&picture, cutoff_of_mask.unwrap_or(0.0));
+    let mean = mean_where_there(&picture, cutoff_of_mask);
     let mut surface = opaque([0, 1, 2].map(|c| color[c] * mean[c]));
     surface.coordinates = coordinates;
-    // A cut-off above 1 leaves nothing, whatever the texture says; most textures of a mask have no hole.
-    let below = |cutoff: f32| picture.pixels().any(|p| f32::from(p[3]) < cutoff * 255.0);
-    if let Some(cutoff) = cutoff_of_mask.filter(|&cutoff| !surface.is_invisible && below(cutoff)) {
+    if let Some(cutoff) = cutoff_of_mask.filter(|_| !surface.is_invisible) {
         let size = [picture.width() as usize, picture.height() as usize];
-        let alpha = picture.pixels().map(|pixel| pixel[3]).collect();
-        surface.material.mask = Some(Arc::new(AlphaMask { size, alpha, cutoff, wrap }));
+        surface.material.mask = cutoff.mask(size, picture.pixels().map(|pixel| pixel[3]), wrap);
     }
     Ok(surface)
 }
@@ -103,7 +100,7 @@ pub(super) fn read(file: &GltfFile, index: Option<Index<JsonMaterial>>, sets: &[
 fn cutoff(material: &JsonMaterial) -> Option<f32> {
     match material.alpha_mode {
         Checked::Valid(AlphaMode::Mask) => Some(material.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0)),
-        Checked::Valid(AlphaMode::Blend) => Some(0.5),
+        Checked::Valid(AlphaMode::Blend) => Some(Cutoff::BLEND),
         _ => None,
     }
     .filter(|&cutoff| cutoff > 0.0)
@@ -146,11 +143,11 @@ static LINEAR: LazyLock<[f64; 256]> = LazyLock::new(|| {
     })
 });
 
-/// Linear mean colour of the pixels with alpha of at least `cutoff`; transparent ones are often black.
-fn mean_where_there(picture: &image::RgbaImage, cutoff: f32) -> Rgb {
+/// Linear mean colour of the pixels that are there; transparent ones are often black.
+fn mean_where_there(picture: &image::RgbaImage, cutoff: Option<Cutoff>) -> Rgb {
     let mut sum = [0.0; 3];
     let mut count = 0.0;
-    for pixel in picture.pixels().filter(|pixel| f32::from(pixel[3]) >= cutoff * 255.0) {
+    for pixel in picture.pixels().filter(|pixel| cutoff.is_none_or(|cutoff| cutoff.keeps(pixel[3]))) {
         for channel in 0..3 {
             sum[channel] += LINEAR[usize::from(pixel[channel])];
         }

@@ -1,6 +1,7 @@
 //! Pictures in and out: EXR is linear, PNG and JPEG are sRGB, HDR is linear with shared exponents.
 
 mod coded;
+mod cover;
 mod openexr;
 mod srgb;
 
@@ -12,6 +13,7 @@ use super::whole::write_whole;
 use crate::scene::{Camera, Image, RgbaImage};
 use crate::{Error, Result};
 
+pub(in crate::io) use cover::read_cover;
 pub use openexr::write_exr;
 pub use srgb::{linear_from_srgb, srgb_from_linear};
 
