@@ -39,6 +39,7 @@ pub(super) struct Materials {
     bytes_of_masks: usize,
     missing_libraries: BTreeSet<String>,
     missing_pictures: BTreeSet<String>,
+    unknown: BTreeSet<String>,
 }
 
 impl Materials {
@@ -53,6 +54,7 @@ impl Materials {
             bytes_of_masks: 0,
             missing_libraries: BTreeSet::new(),
             missing_pictures: BTreeSet::new(),
+            unknown: BTreeSet::new(),
         }
     }
 
@@ -87,7 +89,10 @@ impl Materials {
     /// Errors: those of a picture that is there and cannot be read; [`Error::TooLarge`].
     pub(super) fn material(&mut self, name: &str, has_coordinates: bool) -> Result<Option<Material>> {
         let mut material = Material { name: None, albedo: GREY, mask: None };
-        let Some(description) = self.described.get(name) else { return Ok(Some(material)) };
+        let Some(description) = self.described.get(name) else {
+            self.unknown.extend((!name.is_empty()).then(|| shown(name.as_bytes())));
+            return Ok(Some(material));
+        };
         material.name = Some(name.to_owned());
         material.albedo = description.albedo.unwrap_or(GREY);
         let cutoff = Cutoff::new(Cutoff::BLEND, description.opacity());
@@ -105,7 +110,8 @@ impl Materials {
     fn mask(&mut self, file: &Path, cutoff: Cutoff, wrap: Wrap) -> Result<Option<Arc<AlphaMask>>> {
         // Whatever it is called, it is decoded once.
         let Some(real) = file.canonicalize().ok().filter(|file| file.is_file()) else {
-            self.missing_pictures.insert(shown(file.as_os_str().as_encoded_bytes()));
+            let name = file.file_name().unwrap_or_default();
+            self.missing_pictures.insert(shown(name.as_encoded_bytes()));
             return Ok(None);
         };
         let key = (real, cutoff.bits(), wrap == Wrap::Clamp);
@@ -132,17 +138,23 @@ impl Materials {
     }
 
     /// What was left out, in words.
-    pub(super) fn warnings(&self) -> impl Iterator<Item = String> {
-        let of = |names: &BTreeSet<String>, what: &str, outcome: &str| {
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let none = BTreeSet::new();
+        // What a missing file would have described is no news.
+        let unknown = if self.missing_libraries.is_empty() { &self.unknown } else { &none };
+        let all = [
+            (&self.missing_libraries, "the material file", "cannot be read; what it describes is grey"),
+            (&self.missing_pictures, "the opacity map", "is not there; what has it is opaque"),
+            (unknown, "the material", "is in no material file; what has it is grey"),
+        ];
+        let found = all.into_iter().filter(|(names, ..)| !names.is_empty());
+        let warnings = found.map(|(names, what, outcome)| {
             let more = names.len().saturating_sub(MAX_NAMES);
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
             let names: Vec<_> = names.iter().take(MAX_NAMES).map(|name| format!("`{name}`")).collect();
-            (!names.is_empty())
-                .then(|| format!("{what} {}{more} cannot be read; {outcome}", names.join(", ")))
-        };
-        let libraries = of(&self.missing_libraries, "the material file", "what it describes is grey");
-        let pictures = of(&self.missing_pictures, "the opacity map", "what has it is opaque");
-        libraries.into_iter().chain(pictures)
+            format!("{what} {}{more} {outcome}", names.join(", "))
+        });
+        warnings.collect()
     }
 }
 

@@ -230,20 +230,26 @@ impl<'a> Reader<'a> {
         index
     }
 
-    fn finish(self) -> Result<(Mesh, Vec<String>)> {
-        let mut warnings: Vec<String> = self.materials.warnings().collect();
+    fn finish(mut self) -> Result<(Mesh, Vec<String>)> {
+        let mut warnings = self.materials.warnings();
         for (count, warning) in [
             (self.degenerate, "faces without an area are left out"),
             (self.transparent, "faces are transparent and block no light"),
             (self.curved, "curves and free-form surfaces are left out; export them as polygons"),
         ] {
             if count > 0 {
-                warnings.push(format!("{count} {warning}"));
+                warnings.push(format!("{warning} ({count})"));
             }
         }
         // Glass alone is fine, and stands in nobody's light.
         if self.mesh.triangles.is_empty() && self.transparent == 0 {
             return Err(self.broken("it has no triangles".into()));
+        }
+        // Broken coordinates that nothing here needs are not in the way of other occluders, which may have
+        // masks.
+        if self.mesh.materials.iter().all(|material| material.mask.is_none()) {
+            let broken = |coordinates: &&mut [f32; 2]| !coordinates.iter().all(|c| c.is_finite());
+            self.mesh.coordinates.iter_mut().filter(broken).for_each(|coordinates| *coordinates = [0.0; 2]);
         }
         self.mesh.validate().map_err(|error| self.broken(error.to_string()))?;
         Ok((self.mesh, warnings))

@@ -86,7 +86,7 @@ fn content(line: &[u8], names: bool) -> (&[u8], bool) {
     let comment = (0..line.len()).find(|&at| line[at] == b'#' && (!names || is_apart(at)));
     let text = line[..comment.unwrap_or(line.len())].trim_ascii();
     match text.strip_suffix(b"\\") {
-        Some(text) => (text, true),
+        Some(text) => (text.trim_ascii_end(), true),
         None => (text, false),
     }
 }
@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn lines_end_in_any_way_and_may_go_on() {
-        let expected = [(1, "v|1 2 3"), (4, "f|1 2  3"), (6, "o|a b")].map(|(line, s)| (line, s.to_owned()));
+        let expected = [(1, "v|1 2 3"), (4, "f|1 2 3"), (6, "o|a b")].map(|(line, s)| (line, s.to_owned()));
         for end in ["\n", "\r\n", "\r"] {
             let text = ["v 1 2 3", "", "# x \\", "\tf 1 2 \\", " 3", "o  a b  ", "# \\"].join(end);
             assert_eq!(statements(text.as_bytes()), expected, "{end:?}");
