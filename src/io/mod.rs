@@ -1,6 +1,7 @@
 //! Files in and out. Everything is written whole or not at all.
 
 mod checkpoint;
+mod cutout;
 pub mod gltf;
 mod guard;
 pub mod image;

@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use super::file::GltfFile;
 use crate::Result;
+use crate::io::cutout::Cutoff;
 use crate::scene::{Material, Wrap};
 
 /// What a glTF material means here.
@@ -71,12 +72,11 @@ pub(super) fn read(file: &GltfFile, index: Option<Index<JsonMaterial>>, sets: &[
         let name = json.name.as_deref().unwrap_or("without a name");
         return Err(file.broken(format!("the base colour of material {name} is {factor:?}")));
     }
-    // In terms of the texture alone: alpha · factor < cutoff.
-    let cutoff = cutoff(json).map(|cutoff| cutoff / factor[3]);
+    let cutoff = cutoff(json).map(|cutoff| Cutoff::new(cutoff, factor[3]));
     let color = [factor[0], factor[1], factor[2]];
     let opaque = |albedo| Surface {
         material: Material { name: json.name.clone(), albedo, mask: None },
-        is_invisible: cutoff.is_some_and(|cutoff| cutoff > 1.0),
+        is_invisible: cutoff.is_some_and(Cutoff::leaves_nothing),
         is_glass: is_glass(json),
         coordinates: Coordinates::default(),
     };
@@ -85,7 +85,8 @@ pub(super) fn read(file: &GltfFile, index: Option<Index<JsonMaterial>>, sets: &[
     let texture = file.get(info.index);
     let texture = texture.ok_or_else(|| file.broken(format!("texture {} is missing", info.index)))?;
     // A cut-off above 1 leaves nothing, whatever the texture says.
-    let could_have_holes = cutoff.filter(|&cutoff| cutoff <= 1.0 && sets.contains(&coordinates.set));
+    let could_have_holes =
+        cutoff.filter(|&cutoff| !cutoff.leaves_nothing() && sets.contains(&coordinates.set));
     let Some(image) = image(file, texture)? else {
         let kinds = "only PNG, JPEG and WebP are read; export the textures as PNG";
         if could_have_holes.is_some() {
@@ -98,7 +99,7 @@ pub(super) fn read(file: &GltfFile, index: Option<Index<JsonMaterial>>, sets: &[
     };
     let picture = file.pictures.picture(file, image, could_have_holes.is_some())?;
     let cutoff_of_mask = could_have_holes.filter(|_| picture.has_alpha);
-    let mean = picture.mean_where_there(cutoff_of_mask.unwrap_or(0.0));
+    let mean = picture.mean_where_there(cutoff_of_mask);
     let mut surface = opaque([0, 1, 2].map(|c| color[c] * mean[c]));
     surface.coordinates = coordinates;
     // Most textures of a mask have no hole.
@@ -130,7 +131,7 @@ fn is_glass(material: &JsonMaterial) -> bool {
 fn cutoff(material: &JsonMaterial) -> Option<f32> {
     match material.alpha_mode {
         Checked::Valid(AlphaMode::Mask) => Some(material.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0)),
-        Checked::Valid(AlphaMode::Blend) => Some(0.5),
+        Checked::Valid(AlphaMode::Blend) => Some(Cutoff::BLEND),
         _ => None,
     }
     .filter(|&cutoff| cutoff > 0.0)

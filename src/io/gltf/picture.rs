@@ -9,6 +9,7 @@ use gltf_json::image::Image;
 use image::{DynamicImage, GenericImageView, ImageDecoder, ImageError, ImageReader, Limits};
 
 use super::file::GltfFile;
+use crate::io::cutout::Cutoff;
 use crate::scene::{AlphaMask, Rgb, Wrap};
 use crate::{Error, Result};
 
@@ -32,11 +33,13 @@ pub(super) struct Picture {
 }
 
 impl Picture {
-    /// Linear mean colour of the pixels with alpha of at least `cutoff`; transparent ones are often black.
-    pub(super) fn mean_where_there(&self, cutoff: f32) -> Rgb {
+    /// Linear mean colour of the pixels that are there; transparent ones are often black.
+    pub(super) fn mean_where_there(&self, cutoff: Option<Cutoff>) -> Rgb {
         let mut sum = [0.0; 3];
         let mut count = 0_u64;
-        for (_, (pixels, colors)) in self.tallies().filter(|&(alpha, _)| alpha >= cutoff * 255.0) {
+        for (_, (pixels, colors)) in
+            self.tallies().filter(|&(alpha, _)| cutoff.is_none_or(|cutoff| cutoff.keeps(alpha)))
+        {
             sum = [0, 1, 2].map(|channel| sum[channel] + colors[channel]);
             count += pixels;
         }
@@ -44,12 +47,12 @@ impl Picture {
     }
 
     /// Whether a pixel is not there.
-    pub(super) fn has_holes(&self, cutoff: f32) -> bool {
-        self.tallies().any(|(alpha, (pixels, _))| *pixels > 0 && alpha < cutoff * 255.0)
+    pub(super) fn has_holes(&self, cutoff: Cutoff) -> bool {
+        self.tallies().any(|(alpha, (pixels, _))| *pixels > 0 && !cutoff.keeps(alpha))
     }
 
-    fn tallies(&self) -> impl Iterator<Item = (f32, &(u64, [f64; 3]))> {
-        self.tallies.iter().enumerate().map(|(alpha, tally)| (alpha as f32, tally))
+    fn tallies(&self) -> impl Iterator<Item = (u8, &(u64, [f64; 3]))> {
+        (0..=u8::MAX).zip(&self.tallies)
     }
 }
 
@@ -103,17 +106,22 @@ impl Pictures {
         &self,
         file: &GltfFile,
         index: Index<Image>,
-        cutoff: f32,
+        cutoff: Cutoff,
         wrap: [Wrap; 2],
     ) -> Result<Arc<AlphaMask>> {
         let picture = self.picture(file, index, true)?;
-        let key = (source(file, index)?.1, cutoff.to_bits(), wrap.map(|wrap| wrap as u8));
+        let key = (source(file, index)?.1, cutoff.bits(), wrap.map(|wrap| wrap as u8));
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(mask) = known.masks.get(&key) {
             return Ok(mask.clone());
         }
         known.keep(file, picture.alpha.len() as u64)?;
-        let mask = Arc::new(AlphaMask { size: picture.size, alpha: picture.alpha.clone(), cutoff, wrap });
+        let mask = Arc::new(AlphaMask {
+            size: picture.size,
+            alpha: picture.alpha.clone(),
+            cutoff: cutoff.value(),
+            wrap,
+        });
         known.masks.insert(key, mask.clone());
         Ok(mask)
     }

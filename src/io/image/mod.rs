@@ -4,6 +4,7 @@
 //! What else a picture says of its colours (profiles, primaries) is ignored, with a warning.
 
 mod coded;
+mod cover;
 mod openexr;
 mod png_header;
 mod radiance;
@@ -18,6 +19,7 @@ use super::whole::write_whole;
 use crate::scene::{Camera, Image, RgbaImage};
 use crate::{Error, Result};
 
+pub(in crate::io) use cover::read_cover;
 pub use openexr::write_exr;
 pub use srgb::{linear_from_srgb, srgb_from_linear};
 
