@@ -16,7 +16,7 @@ pub enum Error {
     #[error("{file}:{line}:{column}: {path}: {problem}{}", hint(.suggestion))]
     Scene {
         /// The scene file.
-        file: String,
+        file: Box<str>,
         /// Line, from 1.
         line: usize,
         /// Column, from 1.
@@ -28,7 +28,7 @@ pub enum Error {
         /// The nearest valid name, where one is near.
         suggestion: Option<String>,
         /// That line with the one before it, where there is one, and the one after it; empty where they are too long to be read.
-        excerpt: String,
+        excerpt: Box<str>,
     },
 
     /// A value that is outside what it may be; becomes [`Error::Scene`] where its place in a file is known.

@@ -57,8 +57,8 @@ impl SceneText<'_> {
         problem: String,
         suggestion: Option<String>,
     ) -> Error {
-        let file = self.file.display().to_string();
-        let excerpt = excerpt(self.text, line);
+        let file = self.file.display().to_string().into();
+        let excerpt = excerpt(self.text, line).into();
         Error::Scene { file, line, column, path: path.to_string(), problem, suggestion, excerpt }
     }
 

@@ -52,7 +52,7 @@ fn loaded(text: &str, overrides: &[&str]) -> Result<Scene> {
 fn told(text: &str, overrides: &[&str]) -> (usize, usize, String, String, Option<String>) {
     match loaded(text, overrides) {
         Err(Error::Scene { line, column, path, problem, suggestion, file, .. }) => {
-            assert_eq!(file, "dir/fog.json");
+            assert_eq!(&*file, "dir/fog.json");
             (line, column, path, problem, suggestion)
         }
         other => panic!("expected a scene error, got {other:?}"),
