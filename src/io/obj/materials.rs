@@ -28,7 +28,7 @@ const MAX_NAMES: usize = 3;
 /// Width, height and alpha of a picture.
 type Cover = ([usize; 2], Vec<u8>);
 
-/// A picture, the cut-off in units of the last place, and how it wraps.
+/// A picture, the bits of the cut-off, and whether it is clamped at its edges.
 type MaskKey = (PathBuf, u32, bool);
 
 /// What is known of materials so far.

@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn what_is_not_utf_8_is_refused_by_name() {
-        for text in [&b"\xff\xfev\0 \0"[..], b"\xfe\xff\0v\0 ", b"v\0 \x001\0"] {
+        for text in [&b"\xff\xfev\0 \0"[..], b"\xfe\xff\0v\0 ", b"v\0 \0\n\0"] {
             assert!(Statements::new(text).is_err_and(|reason| reason.contains("UTF-16")));
         }
         assert!(Statements::new(b"").is_ok());
