@@ -170,12 +170,13 @@ impl Known {
         let pixels = DynamicImage::from_decoder(decoder).map_err(failed)?;
         let mut picture =
             Picture { has_alpha, size, alpha: Vec::with_capacity(kept), tallies: vec![(0, [0.0; 3]); 256] };
+        let linear = &*LINEAR;
         for (_, _, pixel) in pixels.pixels() {
             let [red, green, blue, alpha] = pixel.0;
             let (count, sums) = &mut picture.tallies[usize::from(alpha)];
             *count += 1;
             for (sum, code) in sums.iter_mut().zip([red, green, blue]) {
-                *sum += LINEAR[usize::from(code)];
+                *sum += linear[usize::from(code)];
             }
             if kept > 0 {
                 picture.alpha.push(alpha);
