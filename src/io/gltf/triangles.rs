@@ -1,6 +1,7 @@
 //! Meshes of nodes as triangles in world space.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 use glam::{DAffine3, DVec3};
 use gltf_json::mesh::{Mesh as JsonMesh, Mode, Primitive, Semantic};
@@ -94,15 +95,17 @@ impl<'a> Plan<'a> {
         let file = self.file;
         let node = &file.root.nodes[node];
         let Some(index) = node.mesh else { return Ok(None) };
-        if !self.meshes.contains_key(&index.value()) {
-            let mesh = file.get(index).ok_or_else(|| file.broken(format!("mesh {index} is missing")))?;
-            let parts = mesh.primitives.iter().filter_map(|primitive| part(file, primitive).transpose());
-            let parts = parts.collect::<Result<_>>()?;
-            self.meshes.insert(index.value(), (mesh, parts));
-        }
-        let Some((_, parts)) = self.meshes.get(&index.value()).filter(|(_, parts)| !parts.is_empty()) else {
-            return Ok(None);
+        let (_, parts) = match self.meshes.entry(index.value()) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(unknown) => {
+                let mesh = file.get(index).ok_or_else(|| file.broken(format!("mesh {index} is missing")))?;
+                let parts = mesh.primitives.iter().filter_map(|primitive| part(file, primitive).transpose());
+                unknown.insert((mesh, parts.collect::<Result<_>>()?))
+            }
         };
+        if parts.is_empty() {
+            return Ok(None);
+        }
         if node.skin.is_some() {
             file.warn("skins are not applied: their meshes are taken in the pose of rest".into());
         }
