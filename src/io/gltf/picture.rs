@@ -10,6 +10,7 @@ use image::{DynamicImage, GenericImageView, ImageDecoder, ImageError, ImageReade
 
 use super::file::GltfFile;
 use crate::io::cutout::Cutoff;
+use crate::io::guard::guarded;
 use crate::scene::{AlphaMask, Rgb, Wrap};
 use crate::{Error, Result};
 
@@ -96,7 +97,8 @@ impl Pictures {
         {
             return Ok(picture.clone());
         }
-        let picture = Arc::new(known.decode(file, image, needs_alpha)?);
+        let decoded = guarded(&file.path, "glTF", || known.decode(file, image, needs_alpha));
+        let picture = Arc::new(decoded?);
         known.pictures.insert(source, picture.clone());
         Ok(picture)
     }
