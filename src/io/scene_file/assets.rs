@@ -88,7 +88,10 @@ impl Assets {
                 what: format!("{} of {width} x {height} pixels", path.display()),
                 needed: mebibytes(needed),
                 limit: mebibytes(self.memory),
-                remedy: "scale it down, or raise solve.memory",
+                remedy: match self.memory {
+                    Self::LARGEST => "scale it down",
+                    _ => "scale it down, or raise solve.memory",
+                },
             });
         }
         image::read_image(&path)
