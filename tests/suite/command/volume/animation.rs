@@ -159,7 +159,8 @@ fn the_extinction_of_frames_can_come_from_numbered_files() {
         for index in 0..drawn.grid().len() {
             let centre = drawn.grid().centre(drawn.grid().voxel(index));
             let at = given.grid().grid_from_world().transform_point3(centre).floor().as_i64vec3().to_array();
-            let is_inside = at.iter().zip(given.grid().size()).all(|(&at, side)| (0..side as i64).contains(&at));
+            let is_inside =
+                at.iter().zip(given.grid().size()).all(|(&at, side)| (0..side as i64).contains(&at));
             let expected = match is_inside {
                 true => given.color(given.grid().index(at.map(|at| at as usize))),
                 false => [0.0; 3],
