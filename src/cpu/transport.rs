@@ -151,7 +151,9 @@ impl<F: Real, const C: usize> KeptRows<F, C> {
         let long = self.long_from;
         let add = |chunks: &[Chunk<F, C>], sums: &mut [Padded<F>]| {
             self.bands.split_slots(sums).into_par_iter().enumerate().for_each(|(band, sums)| {
-                let short = Bands::slot(long.saturating_sub(self.bands.range(band).start)).min(sums.len());
+                let range = self.bands.range(band);
+                let short = Bands::slot(long.clamp(range.start, range.end) - range.start);
+                let short = short.min(sums.len());
                 let mut wide: Vec<[f64; 4]> = sums[short..].iter().map(|sum| sum.map(Real::wide)).collect();
                 for chunk in chunks {
                     sums[short..].fill([F::zero(); 4]);

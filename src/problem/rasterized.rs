@@ -9,7 +9,7 @@ use glam::DVec2;
 /// A depth pass on a graphics adapter.
 ///
 /// It finds which triangle each pixel sees; where on it is computed in f64, as rays do it. Pixels whose ray misses that triangle or
-/// passes a hole of it, along edges and through foliage, are traced. Against rays only pixels along silhouettes
+/// passes a hole of it, along edges and through foliage, are traced, and so are all of a lens that bends straight lines. Against rays only pixels along silhouettes
 /// can differ, by what a rasterizer rounds corners to.
 #[derive(Debug, Clone)]
 pub struct Rasterized(pub Gpu);
@@ -18,11 +18,12 @@ pub struct Rasterized(pub Gpu);
 const NEAR: f64 = 1e-6;
 
 impl Rasterized {
-    /// The triangle behind every pixel of a camera.
-    fn seen_by(&self, camera: &Camera, mesh: &Mesh) -> Result<Vec<u32>> {
+    /// The triangle behind every pixel of a camera; none where its lens bends lines that a rasterizer draws straight.
+    fn seen_by(&self, camera: &Camera, mesh: &Mesh) -> Result<Option<Vec<u32>>> {
         let far = mesh.positions.iter().map(|p| p.distance(camera.position())).fold(0.0, f64::max);
-        let clip: Vec<_> = mesh.positions.iter().map(|&p| camera.clip_from_world(p, NEAR * far)).collect();
-        surfaces_seen(&self.0, &clip, &mesh.triangles, camera.size())
+        let clip = mesh.positions.iter().map(|&p| camera.clip_from_world(p, NEAR * far));
+        let Some(clip) = clip.collect::<Option<Vec<_>>>() else { return Ok(None) };
+        surfaces_seen(&self.0, &clip, &mesh.triangles, camera.size()).map(Some)
     }
 }
 
@@ -49,7 +50,7 @@ impl Surfaces for Rasterized {
         geometry: &Geometry,
         constraints: &[Constraint],
     ) -> Result<Vec<Option<Hit>>> {
-        let mut seen = vec![Vec::new(); scene.views.len()];
+        let mut seen = vec![None; scene.views.len()];
         for (view, seen) in seen.iter_mut().enumerate() {
             if constraints.iter().any(|pixel| pixel.view == view) {
                 *seen = self.seen_by(&scene.views[view].camera, geometry.mesh())?;
@@ -57,9 +58,11 @@ impl Surfaces for Rasterized {
         }
         let of_pixel = |pixel: &Constraint| {
             let camera = &scene.views[pixel.view].camera;
-            let triangle = seen[pixel.view][pixel.y * camera.size()[0] + pixel.x];
             let ray = camera.pixel_ray(pixel.x, pixel.y);
-            hit(geometry, &ray, triangle)
+            match &seen[pixel.view] {
+                Some(seen) => hit(geometry, &ray, seen[pixel.y * camera.size()[0] + pixel.x]),
+                None => geometry.first_hit(&ray, f64::INFINITY),
+            }
         };
         Ok(constraints.iter().map(of_pixel).collect())
     }
