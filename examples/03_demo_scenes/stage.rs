@@ -182,6 +182,7 @@ pub(crate) fn camera(
         to_world: Some(Transform::looking(origin, target)),
         fov: Some(fov),
         fov_axis: Some(axis),
+        lens: None,
         gltf: None,
         size: size.map(|side| side as usize),
     }

@@ -1,25 +1,29 @@
 //! Cameras of many pictures of one thing: the `transforms.json` of NeRF, instant-ngp and nerfstudio.
 //!
 //! A camera looks along its -z axis with +y up, as cameras do here. Keys that say nothing about a camera are passed over,
-//! as the files of other programs are full of them; keys that say of a camera what a pinhole cannot do are errors.
+//! as the files of other programs are full of them.
 
 #[cfg(test)]
 mod tests;
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::DAffine3;
 use serde::Deserialize;
 
+use super::input;
 use super::numbers::affine_of_rows;
+use crate::scene::{Camera, FovAxis, Lens, Projection};
 use crate::{Error, Result};
 
+/// What such a file is called.
+const FORMAT: &str = "transforms";
 /// Bytes of a file at most; a frame takes about 500.
 const MAX_BYTES: u64 = 64 << 20;
 /// Pixels along a side at most.
 const MAX_SIDE: f64 = 65536.0;
+/// How names of pictures end that are written without their ends, the likeliest first.
+const ENDS: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
 
 /// One picture and the camera that took it.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,8 +32,10 @@ pub struct Shot {
     pub file: PathBuf,
     /// Metres of the world from those of the camera, which looks along -z with +y up. It may scale; cameras ignore that.
     pub world_from_camera: DAffine3,
-    /// Field of view along the width, in degrees, between 0 and 180.
+    /// Field of view along the width, in degrees, between 0 and 180; of a fisheye without meaning.
     pub fov_x: f64,
+    /// The lens, where it is not that of a pinhole before the middle of square pixels.
+    pub lens: Option<Lens>,
     /// Width and height in pixels, where the file says them.
     pub size: Option<[usize; 2]>,
     /// Picture of where the thing is (white) and where not (black).
@@ -38,15 +44,26 @@ pub struct Shot {
     pub depth: Option<PathBuf>,
 }
 
+impl Shot {
+    /// Its camera, before a picture of `size` pixels, width first.
+    ///
+    /// Errors: those of [`Camera::new`] and [`Camera::with_lens`].
+    pub fn camera(&self, size: [usize; 2]) -> Result<Camera> {
+        match self.lens {
+            None => Camera::new(self.world_from_camera, self.fov_x, FovAxis::X, size),
+            Some(lens) => Camera::with_lens(self.world_from_camera, lens, size),
+        }
+    }
+}
+
 /// Reads the shots in the order of the file.
 ///
-/// Paths in the file begin at its folder. A `file_path` that has no extension and does not exist gets `.png`, which the
-/// files of the original NeRF leave out. What a frame says of its lens goes before what is said for all frames, and a
-/// focal length before an angle.
+/// Paths in the file begin at its folder. A `file_path` that does not exist is tried with the ends of pictures, which some
+/// files leave out. What a frame says of its lens goes before what is said for all frames, and a focal length before an angle.
+/// Distortion is that of OpenCV, of perspective lenses (k1 to k4, p1, p2) and of fisheyes (k1 to k4).
 ///
-/// Errors: [`Error::File`]; [`Error::Format`] naming the frame, when it is no such file or longer than 64 MiB, has no
-/// frames, or a frame has no `file_path`, no usable `transform_matrix`, no field of view, or a lens that no pinhole has:
-/// distorted, with its axis more than a pixel off the centre, or with pixels that are not square.
+/// Errors: [`Error::File`]; [`Error::TooLarge`] beyond 64 MiB; [`Error::Format`] naming the frame, when it is no such file, has no
+/// frames, or a frame has no `file_path`, no usable `transform_matrix`, no field of view, or another kind of lens.
 pub fn read(path: &Path) -> Result<Vec<Shot>> {
     let document = parse(path)?;
     if document.frames.is_empty() {
@@ -61,27 +78,18 @@ pub fn read(path: &Path) -> Result<Vec<Shot>> {
 }
 
 fn parse(path: &Path) -> Result<TransformsDocument> {
-    let refused = |source| Error::File { action: "read", path: path.to_owned(), source };
-    let about = std::fs::metadata(path).map_err(refused)?;
-    if !about.is_file() {
-        return Err(wrong(path, "it is a folder or a device"));
-    }
-    if about.len() > MAX_BYTES {
-        return Err(wrong(path, format!("it has {} bytes, and {MAX_BYTES} are the most", about.len())));
-    }
-    let mut text = Vec::new();
-    File::open(path).and_then(|file| file.take(MAX_BYTES).read_to_end(&mut text)).map_err(refused)?;
-    serde_json::from_slice(&text).map_err(|error| wrong(path, error.to_string()))
+    let text = input::text(path, MAX_BYTES, FORMAT)?;
+    serde_json::from_str(&text).map_err(|error| wrong(path, error.to_string()))
 }
 
 fn wrong(path: &Path, reason: impl Into<String>) -> Error {
-    Error::Format { path: path.to_owned(), format: "transforms", reason: reason.into() }
+    Error::Format { path: path.to_owned(), format: FORMAT, reason: reason.into() }
 }
 
 #[derive(Deserialize)]
 struct TransformsDocument {
     #[serde(flatten)]
-    lens: Lens,
+    lens: LensKeys,
     #[serde(default)]
     frames: Vec<Frame>,
 }
@@ -93,21 +101,22 @@ struct Frame {
     depth_file_path: Option<String>,
     transform_matrix: Option<Vec<Vec<f64>>>,
     #[serde(flatten)]
-    lens: Lens,
+    lens: LensKeys,
 }
 
 impl Frame {
-    fn shot(&self, folder: &Path, of_all: &Lens) -> Result<Shot, String> {
+    fn shot(&self, folder: &Path, of_all: &LensKeys) -> Result<Shot, String> {
         let name = self.file_path.as_ref().filter(|name| !name.is_empty()).ok_or("it has no `file_path`")?;
-        let beside = |name: &Option<String>| name.as_ref().map(|name| folder.join(name));
+        let beside = |name: &Option<String>| name.as_ref().map(|name| named(folder, name)).transpose();
         let lens = self.lens.over(of_all);
         Ok(Shot {
-            file: picture(folder, name),
+            file: picture(folder, name)?,
             world_from_camera: self.world_from_camera()?,
             fov_x: lens.fov_x()?,
+            lens: lens.lens()?,
             size: lens.size()?,
-            mask: beside(&self.mask_path),
-            depth: beside(&self.depth_file_path),
+            mask: beside(&self.mask_path)?,
+            depth: beside(&self.depth_file_path)?,
         })
     }
 
@@ -121,21 +130,34 @@ impl Frame {
     }
 }
 
-/// The file of a picture, whose name the original NeRF writes without its extension.
-fn picture(folder: &Path, name: &str) -> PathBuf {
-    let plain = folder.join(name);
-    if plain.extension().is_some() || plain.is_file() {
-        return plain;
+/// The file of a picture, whose name some programs write without its end.
+fn picture(folder: &Path, name: &str) -> Result<PathBuf, String> {
+    let plain = named(folder, name)?;
+    if plain.is_file() {
+        return Ok(plain);
     }
-    let mut longer = plain.into_os_string();
-    longer.push(".png");
-    longer.into()
+    let longer = ENDS.iter().map(|end| named(folder, &format!("{name}.{end}")));
+    let found = longer.collect::<Result<Vec<_>, _>>()?.into_iter().find(|path| path.is_file());
+    let has_end = plain.extension().is_some_and(|own| ENDS.iter().any(|end| own.eq_ignore_ascii_case(end)));
+    Ok(match found {
+        Some(found) => found,
+        None if has_end => plain,
+        None => named(folder, &format!("{name}.{}", ENDS[0]))?,
+    })
+}
+
+fn named(folder: &Path, name: &str) -> Result<PathBuf, String> {
+    input::named(folder, name).map_err(|error| match error {
+        Error::Value { value, expected, .. } => format!("it names {value}, which must be {expected}"),
+        other => other.to_string(),
+    })
 }
 
 /// What is said of a lens. Lengths are in pixels, angles in radians.
 #[derive(Debug, Clone, Default, Deserialize)]
-struct Lens {
+struct LensKeys {
     camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
     fl_x: Option<f64>,
     fl_y: Option<f64>,
     w: Option<f64>,
@@ -152,7 +174,7 @@ struct Lens {
     camera_model: Option<String>,
 }
 
-impl Lens {
+impl LensKeys {
     /// What `self` says, and what `base` says where it is silent.
     fn over(&self, base: &Self) -> Self {
         // A focal length or an angle of one picture replaces all that is said of both for the others.
@@ -161,6 +183,7 @@ impl Lens {
         Self {
             camera_angle_x: fov.camera_angle_x,
             fl_x: fov.fl_x,
+            camera_angle_y: fov.camera_angle_y,
             fl_y: if says_fov { self.fl_y } else { self.fl_y.or(base.fl_y) },
             w: self.w.or(base.w),
             h: self.h.or(base.h),
@@ -190,14 +213,11 @@ impl Lens {
 
     /// In degrees.
     fn fov_x(&self) -> Result<f64, String> {
-        self.check_pinhole()?;
-        self.check_centre()?;
         let fov_x = match (self.fl_x, self.w, self.camera_angle_x) {
             (Some(fl_x), Some(width), _) => 2.0 * (0.5 * width / fl_x).atan(),
             (_, _, Some(angle)) => angle,
             _ => return Err("neither `camera_angle_x` nor `fl_x` with `w` says its field of view".to_owned()),
         };
-        self.check_square_pixels(fov_x)?;
         let fov_x = fov_x.to_degrees();
         if !(fov_x > 0.0 && fov_x < 180.0) {
             return Err(format!("its field of view is {fov_x}°, which is not between 0 and 180"));
@@ -205,56 +225,69 @@ impl Lens {
         Ok(fov_x)
     }
 
-    fn check_pinhole(&self) -> Result<(), String> {
-        // With coefficients of zero, these are pinholes.
-        const PINHOLES: [&str; 6] =
+    fn projection(&self) -> Result<Projection, String> {
+        const PERSPECTIVE: [&str; 6] =
             ["PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE", "OPENCV", "SIMPLE_RADIAL", "RADIAL"];
-        let model = self.camera_model.as_deref().unwrap_or(PINHOLES[0]);
-        if self.is_fisheye == Some(true) || !PINHOLES.iter().any(|name| name.eq_ignore_ascii_case(model)) {
-            return Err(format!("its camera is a fisheye or `{}`, not a pinhole", model.escape_debug()));
+        const FISHEYE: [&str; 3] = ["OPENCV_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_RADIAL_FISHEYE"];
+        let model = self.camera_model.as_deref().unwrap_or(PERSPECTIVE[0]);
+        let is_one_of = |models: &[&str]| models.iter().any(|name| name.eq_ignore_ascii_case(model));
+        if is_one_of(&FISHEYE) || self.is_fisheye == Some(true) && is_one_of(&PERSPECTIVE) {
+            return Ok(Projection::Equidistant);
         }
-        let coefficients = [
-            ("k1", self.k1),
-            ("k2", self.k2),
-            ("k3", self.k3),
-            ("k4", self.k4),
-            ("p1", self.p1),
-            ("p2", self.p2),
-        ];
-        match coefficients.into_iter().find(|(_, value)| value.unwrap_or(0.0) != 0.0) {
-            Some((name, _)) => {
-                Err(format!("`{name}` is not 0: undistort the pictures, lens distortion is not supported"))
-            }
-            None => Ok(()),
+        if is_one_of(&PERSPECTIVE) {
+            return Ok(Projection::Perspective);
         }
+        let known = [&PERSPECTIVE[..], &FISHEYE[..]].concat().join(", ");
+        Err(format!("its camera is `{}`, which is none of {known}", model.escape_debug()))
     }
 
-    fn check_centre(&self) -> Result<(), String> {
-        let sides = [("cx", self.cx, "w", self.w), ("cy", self.cy, "h", self.h)];
-        for (name, centre, side_name, side) in sides {
-            match (centre, side) {
-                (None, _) => {}
-                (Some(_), None) => return Err(format!("`{name}` says nothing without `{side_name}`")),
-                (Some(centre), Some(side)) if (centre - 0.5 * side).abs() <= 1.0 => {}
-                (Some(centre), Some(side)) => {
-                    return Err(format!(
-                        "`{name}` is {centre}, more than a pixel from the centre {}: shifted principal points are \
-                         not supported",
-                        0.5 * side
-                    ));
-                }
+    /// The lens; none where it is a pinhole before the middle of square pixels.
+    fn lens(&self) -> Result<Option<Lens>, String> {
+        let projection = self.projection()?;
+        let radial = [self.k1, self.k2, self.k3, self.k4].map(|k| k.unwrap_or(0.0));
+        let tangential = [self.p1, self.p2].map(|p| p.unwrap_or(0.0));
+        if projection == Projection::Equidistant && tangential != [0.0; 2] {
+            return Err("`p1` and `p2` mean nothing of a fisheye".to_owned());
+        }
+        let need = |name: &str, side_name: &str, side: Option<f64>| {
+            side.ok_or_else(|| format!("`{name}` says nothing without `{side_name}`"))
+        };
+        let is_bent = projection == Projection::Equidistant || radial != [0.0; 4] || tangential != [0.0; 2];
+        let is_asked = is_bent
+            || [self.cx, self.cy, self.fl_y].iter().any(Option::is_some)
+            || self.fl_x.is_none() && self.camera_angle_y.is_some();
+        if !is_asked {
+            return Ok(None);
+        }
+        let by_angle = |angle: f64, side: f64| 0.5 * side / (0.5 * angle).tan();
+        let (width, height) = (need("cx", "w", self.w)?, self.h);
+        let fl_x = self.fl_x.or(self.camera_angle_x.map(|angle| by_angle(angle, width)));
+        let fl_x = fl_x.ok_or("neither `camera_angle_x` nor `fl_x` says its focal length")?;
+        let fl_y = match (self.fl_y, self.fl_x, self.camera_angle_y) {
+            (Some(fl_y), ..) => fl_y,
+            // Without focal lengths the angles say them.
+            (None, None, Some(angle)) => by_angle(angle, need("camera_angle_y", "h", height)?),
+            _ => fl_x,
+        };
+        let cx = self.cx.unwrap_or(0.5 * width);
+        let is_middle = |centre: f64, side: f64| (centre - 0.5 * side).abs() <= 1e-9 * side;
+        let (cy, is_centred) = match (self.cy, height) {
+            (None, None) if !is_bent => (0.0, is_middle(cx, width)),
+            (cy, height) => {
+                let height = need("cy", "h", height)?;
+                let cy = cy.unwrap_or(0.5 * height);
+                (cy, is_middle(cx, width) && is_middle(cy, height))
             }
+        };
+        // Angles have some rounding.
+        let is_square = (fl_x - fl_y).abs() <= 1e-9 * fl_x.abs();
+        if !is_bent && is_centred && is_square {
+            return Ok(None);
         }
-        Ok(())
-    }
-
-    fn check_square_pixels(&self, fov_x: f64) -> Result<(), String> {
-        let of_angle = self.w.map(|width| 0.5 * width / (0.5 * fov_x).tan());
-        match (self.fl_x.or(of_angle), self.fl_y) {
-            (Some(fl_x), Some(fl_y)) if (fl_x - fl_y).abs() > 1e-3 * fl_x.abs() => Err(format!(
-                "its focal lengths {fl_x} and {fl_y} differ: pixels that are not square are not supported"
-            )),
-            _ => Ok(()),
+        if height.is_none() {
+            return Err("`fl_y` says nothing without `h`".to_owned());
         }
+        let lens = Lens { projection, radial, tangential, ..Lens::new([fl_x, fl_y], [cx, cy]) };
+        Ok(Some(lens))
     }
 }

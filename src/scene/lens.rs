@@ -161,8 +161,13 @@ impl FittedLens {
         for pixel in rim(size, 0.5) {
             let u = lens.undistort_along(lens.plane(pixel)).ok().filter(|u| u.length() < widest);
             let Some(u) = u else {
-                let got = format!("a lens that shows no direction at pixel ({}, {})", pixel.x.floor(), pixel.y.floor());
-                let expected = "one that shows every pixel a direction of its own: crop the pictures, or calibrate anew";
+                let got = format!(
+                    "a lens that shows no direction at pixel ({}, {})",
+                    pixel.x.floor(),
+                    pixel.y.floor()
+                );
+                let expected =
+                    "one that shows every pixel a direction of its own: crop the pictures, or calibrate anew";
                 return Err(Error::value("distortion", got, expected));
             };
             fitted.reach = fitted.reach.max(u.length());

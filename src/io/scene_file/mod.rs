@@ -55,11 +55,11 @@ pub use size::{MemorySize, parse_size};
 pub use solve::{MetricName, Quadrature, Skip, Solve, Solver, Strategy};
 pub use surroundings::{Sky, Surroundings};
 pub use transform::{LookAt, Rotate, Transform};
-pub use view::{Camera, FovAxis, GltfCameraNode, Stroke, View};
+pub use view::{Camera, CameraLens, FovAxis, GltfCameraNode, Stroke, View};
 pub use volume::{
-    AnimatedVolume, Animation, Between, Capsule, Environment, Extinction, Field, FieldSource, Find, GridSize,
-    Interpolation, Key, KeyView, Lights, Noise, Over, PropertyBounds, Pull, Range, Refraction, Shape, Shapes,
-    Sphere, TransformsFile, Volume, VolumeDocument, VolumeView,
+    AlphaMeaning, AnimatedVolume, Animation, Between, Capsule, Environment, Extinction, Field, FieldSource,
+    Find, GridSize, Interpolation, Key, KeyView, Lights, Noise, Over, PropertyBounds, Pull, Range,
+    Refraction, Shape, Shapes, Sphere, TransformsFile, Volume, VolumeDocument, VolumeView,
 };
 pub use weight::Weight;
 pub use write::{write, write_volume};

@@ -30,7 +30,7 @@ pub struct View {
     pub layers: Vec<FileName>,
 }
 
-/// A pinhole camera: either `to_world` and `fov`, or a camera of a glTF file.
+/// A camera: either `to_world` and `fov` or `lens`, or a camera of a glTF file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
@@ -43,11 +43,63 @@ pub struct Camera {
     /// Which side of the picture `fov` is measured along; the height when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fov_axis: Option<FovAxis>,
+    /// A lens as calibration finds it, instead of `fov`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<CameraLens>,
     /// Takes place and field of view from a camera of a glTF file, instead of `to_world` and `fov`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gltf: Option<GltfCameraNode>,
     /// Width and height of the picture in pixels, each from 1 to 16384.
     pub size: [usize; 2],
+}
+
+/// A lens: focal lengths, where its axis meets the picture, and OpenCV's distortion of it. All are for pictures of the camera's `size`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CameraLens {
+    /// In pixels, along the width and along the height.
+    pub focal_length: [f64; 2],
+    /// Where the axis meets the picture, in pixels from its top left corner; its middle when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub principal_point: Option<[f64; 2]>,
+    /// Whether it is a fisheye, whose angles to the axis grow with the distance in the picture.
+    #[serde(default)]
+    pub fisheye: bool,
+    /// Radial distortion.
+    #[serde(default)]
+    pub k1: f64,
+    /// Radial distortion.
+    #[serde(default)]
+    pub k2: f64,
+    /// Radial distortion.
+    #[serde(default)]
+    pub k3: f64,
+    /// Radial distortion.
+    #[serde(default)]
+    pub k4: f64,
+    /// Tangential distortion; none of a fisheye.
+    #[serde(default)]
+    pub p1: f64,
+    /// Tangential distortion; none of a fisheye.
+    #[serde(default)]
+    pub p2: f64,
+}
+
+impl CameraLens {
+    fn build(&self, size: [usize; 2]) -> Built<scene::Lens> {
+        let tangential = [self.p1, self.p2];
+        if self.fisheye && tangential != [0.0; 2] {
+            return Err(Flaw::new("p1", "a fisheye has no `p1` and `p2`"));
+        }
+        let middle = size.map(|side| 0.5 * side as f64);
+        let projection = match self.fisheye {
+            true => scene::Projection::Equidistant,
+            false => scene::Projection::Perspective,
+        };
+        let radial = [self.k1, self.k2, self.k3, self.k4];
+        let lens = scene::Lens::new(self.focal_length, self.principal_point.unwrap_or(middle));
+        Ok(scene::Lens { projection, radial, tangential, ..lens })
+    }
 }
 
 /// A camera of a glTF file.
@@ -159,18 +211,27 @@ fn check_name(name: &str) -> Built<()> {
 impl Camera {
     /// A camera at `to_world` with `fov` degrees along the height of its picture.
     pub fn new(to_world: Transform, fov: f64, size: [usize; 2]) -> Self {
-        Self { to_world: Some(to_world), fov: Some(fov), fov_axis: None, gltf: None, size }
+        Self { to_world: Some(to_world), fov: Some(fov), fov_axis: None, lens: None, gltf: None, size }
     }
 
     fn build(&self, assets: &mut Assets) -> Built<scene::Camera> {
         if let Some(gltf) = &self.gltf {
-            if self.to_world.is_some() || self.fov.is_some() || self.fov_axis.is_some() {
-                return Err(Flaw::new("gltf", "give either `gltf`, or `to_world`, `fov` and `fov_axis`"));
+            let is_alone = self.fov.is_none() && self.fov_axis.is_none() && self.lens.is_none();
+            if self.to_world.is_some() || !is_alone {
+                let problem = "give either `gltf`, or `to_world` and `fov` (with `fov_axis`) or `lens`";
+                return Err(Flaw::new("gltf", problem));
             }
             let camera = assets.camera(&gltf.file, &gltf.node).at("gltf")?;
             return Ok(scene::Camera::new(camera.world_from_camera, camera.fov, camera.fov_axis, self.size)?);
         }
         let to_world = self.to_world.as_ref().ok_or_else(|| missing("to_world"))?.build().at("to_world")?;
+        if let Some(lens) = &self.lens {
+            if self.fov.is_some() || self.fov_axis.is_some() {
+                return Err(Flaw::new("lens", "give either `lens`, or `fov` and `fov_axis`"));
+            }
+            let built = lens.build(self.size).at("lens")?;
+            return Ok(scene::Camera::with_lens(to_world, built, self.size).at("lens")?);
+        }
         let fov = self.fov.ok_or_else(|| missing("fov"))?;
         let fov_axis = match self.fov_axis.unwrap_or_default() {
             FovAxis::X => scene::FovAxis::X,
@@ -181,14 +242,19 @@ impl Camera {
 
     /// Puts in the settings that are not given; those of a glTF camera stay in its file.
     pub(super) fn settle(&mut self) {
-        if self.gltf.is_none() {
+        if let Some(lens) = &mut self.lens {
+            lens.principal_point.get_or_insert(self.size.map(|side| 0.5 * side as f64));
+        } else if self.gltf.is_none() {
             self.fov_axis.get_or_insert_default();
         }
     }
 }
 
 fn missing(field: &str) -> Flaw {
-    Flaw::new("", format!("missing field `{field}`; a camera needs `to_world` and `fov`, or `gltf`"))
+    Flaw::new(
+        "",
+        format!("missing field `{field}`; a camera needs `to_world` and `fov` or `lens`, or `gltf`"),
+    )
 }
 
 impl Stroke {

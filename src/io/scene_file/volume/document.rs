@@ -1,5 +1,6 @@
 //! A volume scene as it is written.
 
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -20,7 +21,7 @@ use crate::io::scene_file::light::Light;
 use crate::io::scene_file::occluder::{Occluder, mesh_of};
 use crate::io::scene_file::solve::Solve;
 use crate::io::transforms::Shot;
-use crate::scene::{self, FovAxis, VolumeMedium, VolumeScene};
+use crate::scene::{self, Rgb, VolumeMedium, VolumeScene};
 
 /// An unscatter scene of a volume. Lengths are in metres, angles in degrees, radiance is linear Rec. 709; cameras look along
 /// −Z with +Y up. File names are relative to the scene file.
@@ -142,6 +143,21 @@ pub struct TransformsFile {
     /// Every so many frames are taken; 1 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub every: Option<usize>,
+    /// What the alpha of the pictures says: how much a pixel weighs, or how much of it the thing covers.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
+    pub alpha: AlphaMeaning,
+}
+
+/// What the alpha of a picture says.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum AlphaMeaning {
+    /// How much a pixel counts; where it is 0, nothing is known.
+    #[default]
+    Weight,
+    /// How much of a pixel the thing covers, before the background; where it is 0, nothing is there.
+    Opacity,
 }
 
 /// How strongly properties are pulled to their start.
@@ -252,7 +268,7 @@ impl VolumeDocument {
         let lights = lights.map(|(i, light)| light.build(assets).at(&format!("lights[{i}]")));
         let lights = lights.collect::<Built<_>>()?;
         let medium = medium(assets)?;
-        let views = self.build_views(assets)?;
+        let views = self.build_views(assets, background)?;
         let mesh = mesh_of(&self.occluders, assets)?;
         Ok(VolumeScene {
             name: self.name.clone().unwrap_or_else(|| stem(file)),
@@ -294,14 +310,21 @@ impl VolumeDocument {
         }
     }
 
-    fn build_views(&self, assets: &mut Assets) -> Built<Vec<scene::VolumeView>> {
+    fn build_views(&self, assets: &mut Assets, background: Option<Rgb>) -> Built<Vec<scene::VolumeView>> {
         let names = self.views.iter().map(|view| view.name.as_str());
         check_names(names)?;
         let views = self.views.iter().enumerate();
         let views = views.map(|(i, view)| view.build(assets).at(&format!("views[{i}]")));
         let mut views = views.collect::<Built<Vec<_>>>()?;
         if let Some(transforms) = &self.transforms {
-            let more = transforms.build(assets).at("transforms")?;
+            // Pictures of opacity are put before it; the light of an environment differs from pixel to pixel.
+            if transforms.alpha == AlphaMeaning::Opacity && background.is_none() && self.environment.is_some()
+            {
+                let problem =
+                    "put pictures of opacity before a `background`, and give one beside `environment`";
+                return Err(Flaw::new("transforms.alpha", problem));
+            }
+            let more = transforms.build(assets, background.unwrap_or_default()).at("transforms")?;
             for view in more {
                 let name = &view.view.name;
                 if views.iter().any(|other| other.view.name.eq_ignore_ascii_case(name)) {
@@ -340,17 +363,19 @@ impl Find {
 }
 
 impl TransformsFile {
-    fn build(&self, assets: &Assets) -> Built<Vec<scene::VolumeView>> {
+    fn build(&self, assets: &Assets, background: Rgb) -> Built<Vec<scene::VolumeView>> {
         let every = self.every.unwrap_or(EVERY);
         if every == 0 {
             return Err(Flaw::value("every", every, "at least 1"));
         }
         let shots = assets.shots(&self.file).at("file")?;
-        let shots = shots.iter().step_by(every);
-        shots.map(|shot| Self::view(shot).at("file")).collect()
+        let shots: Vec<&Shot> = shots.iter().step_by(every).collect();
+        let names = names_of(&shots);
+        let views = shots.into_iter().zip(names);
+        views.map(|(shot, name)| self.view(shot, name, background).at("file")).collect()
     }
 
-    fn view(shot: &Shot) -> Built<scene::VolumeView> {
+    fn view(&self, shot: &Shot, name: String, background: Rgb) -> Built<scene::VolumeView> {
         let size = Assets::shot_size(shot)?;
         if shot.size.is_some_and(|said| said != size) {
             let [w, h] = shot.size.unwrap_or(size);
@@ -358,24 +383,59 @@ impl TransformsFile {
             let problem = format!("{file} has {} x {} pixels, not {w} x {h}", size[0], size[1]);
             return Err(Flaw::new("", problem));
         }
-        let picture = Assets::shot_picture(shot)?;
+        let mut picture = Assets::shot_picture(shot)?;
         let mask = Assets::shot_mask(shot, size)?;
-        let camera = scene::Camera::new(shot.world_from_camera, shot.fov_x, FovAxis::X, size)?;
-        let name = name_of(&shot.file);
+        let mut mask =
+            mask.map(|mask| mask.pixels.iter().map(|pixel| pixel.iter().any(|&c| c > 0.5)).collect());
+        if self.alpha == AlphaMeaning::Opacity {
+            mask.get_or_insert_with(|| picture.pixels.iter().map(|pixel| pixel[3] > 0.0).collect());
+            picture.pixels.iter_mut().for_each(|pixel| *pixel = before(*pixel, background));
+        }
+        let camera = shot.camera(size)?;
         Ok(scene::VolumeView {
             view: scene::View { name, camera, strokes: Vec::new(), layers: Vec::new() },
             picture: Some(picture),
             keep: 0.0,
-            mask: mask.map(|mask| mask.pixels.iter().map(|pixel| pixel.iter().any(|&c| c > 0.5)).collect()),
+            mask,
             background: None,
         })
     }
 }
 
+/// A pixel of a thing before a background; of weight 1, as all of it is known.
+fn before([r, g, b, alpha]: [f32; 4], background: Rgb) -> [f32; 4] {
+    let over = |color: f32, behind: f32| alpha * color + (1.0 - alpha) * behind;
+    [over(r, background[0]), over(g, background[1]), over(b, background[2]), 1.0]
+}
+
+/// Names of views: of each picture its file's, with that of its folder where two are called the same, and else with a number.
+fn names_of(shots: &[&Shot]) -> Vec<String> {
+    let count = |names: &[String]| {
+        let mut counts = HashMap::new();
+        names.iter().for_each(|name| *counts.entry(name.to_ascii_lowercase()).or_insert(0) += 1);
+        counts
+    };
+    let own: Vec<String> = shots.iter().map(|shot| name_of(&shot.file)).collect();
+    let counts = count(&own);
+    let in_folder = |(shot, own): (&&Shot, &String)| match shot.file.parent().and_then(Path::file_name) {
+        Some(folder) if counts[&own.to_ascii_lowercase()] > 1 => {
+            format!("{}_{own}", name_of(Path::new(folder)))
+        }
+        _ => own.clone(),
+    };
+    let named: Vec<String> = shots.iter().zip(&own).map(in_folder).collect();
+    let counts = count(&named);
+    let numbered = |(index, name): (usize, String)| match counts[&name.to_ascii_lowercase()] {
+        1 => name,
+        _ => format!("{name}_{index}"),
+    };
+    named.into_iter().enumerate().map(numbered).collect()
+}
+
 /// The file's own name with what no file name of a result may have replaced.
 fn name_of(file: &Path) -> String {
     let usual = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
-    let name: String = stem(file).chars().take(48).map(usual).collect();
+    let name: String = stem(file).chars().take(24).map(usual).collect();
     if name.is_empty() { "view".to_owned() } else { name }
 }
 

@@ -15,7 +15,7 @@ mod view;
 
 pub use animated::AnimatedVolume;
 pub use animation::{Animation, Between, Key, KeyView};
-pub use document::{Find, Pull, TransformsFile, VolumeDocument};
+pub use document::{AlphaMeaning, Find, Pull, TransformsFile, VolumeDocument};
 pub use environment::Environment;
 pub use field::{Field, FieldSource, GridSize};
 pub use lights::{Lights, Over};
