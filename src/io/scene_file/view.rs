@@ -406,6 +406,37 @@ mod tests {
     }
 
     #[test]
+    fn a_lens_is_what_calibration_says() {
+        let read = |text: &str| serde_json::from_str::<Camera>(text).unwrap();
+        let build = |text: &str| read(text).build(&mut Assets::beside(std::path::Path::new("x.json")));
+        let bent = build(
+            r#"{"to_world": {}, "size": [64, 48],
+                "lens": {"focal_length": [60, 58], "principal_point": [33, 22], "k1": -0.1, "p2": 0.01}}"#,
+        );
+        let lens = scene::Lens {
+            radial: [-0.1, 0.0, 0.0, 0.0],
+            tangential: [0.0, 0.01],
+            ..scene::Lens::new([60.0, 58.0], [33.0, 22.0])
+        };
+        let expected = scene::Camera::with_lens(glam::DAffine3::IDENTITY, lens, [64, 48]).unwrap();
+        assert_eq!(bent.unwrap(), expected);
+        // In the middle and square, it is the pinhole of that field of view.
+        let plain =
+            build(r#"{"to_world": {}, "size": [64, 48], "lens": {"focal_length": [60, 60]}}"#).unwrap();
+        let pinhole = build(r#"{"to_world": {}, "size": [64, 48], "fov": 43.60281897270362}"#).unwrap();
+        let apart = plain.pixel_ray(3, 5).direction - pinhole.pixel_ray(3, 5).direction;
+        assert!(apart.length() < 1e-12);
+        for bad in [
+            r#"{"to_world": {}, "size": [64, 48], "fov": 40, "lens": {"focal_length": [60, 60]}}"#,
+            r#"{"to_world": {}, "size": [64, 48], "lens": {"focal_length": [60, 0]}}"#,
+            r#"{"to_world": {}, "size": [64, 48], "lens": {"focal_length": [60, 60], "fisheye": true, "p1": 1}}"#,
+            r#"{"to_world": {}, "size": [640, 480], "lens": {"focal_length": [60, 60], "k1": -0.4}}"#,
+        ] {
+            assert!(build(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
     fn names_are_safe_as_file_names() {
         for good in ["a", "left_eye-2", "0", "console", "a".repeat(64).as_str()] {
             assert!(check_name(good).is_ok(), "{good}");

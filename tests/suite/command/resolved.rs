@@ -166,7 +166,10 @@ fn views_of_a_transforms_file_come_out_again() {
     let arguments = ["-q", "--turntable", "0", "-o"];
     desk.done(&[&["volume", "scenes/hall/scene.json"], &arguments[..], &["out/first"]].concat());
     let resolved = desk.json("out/first/scene.resolved.json");
-    assert_eq!(resolved["transforms"], json!({ "file": "../../art/transforms.json", "every": 1 }));
+    assert_eq!(
+        resolved["transforms"],
+        json!({ "file": "../../art/transforms.json", "every": 1, "alpha": "weight" })
+    );
     let again = ["volume", "../out/first/scene.resolved.json"];
     done_in(&desk, "elsewhere", &[&again[..], &arguments, &["../out/second"]].concat());
     same_results(&desk, ["out/first", "out/second"], 8);

@@ -3,7 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 use unscatter::march::Traversal;
 use unscatter::problem::{Problem, VolumeProblem, VolumeState};
-use unscatter::scene::{DirectionalLight, Environment, Find, SolverName, VolumeMedium, VolumeScene, look_at};
+use unscatter::scene::{
+    DirectionalLight, Environment, Find, Lens, SolverName, VolumeMedium, VolumeScene, look_at,
+};
 use unscatter::sparse::ExplicitMatrix;
 
 use super::scene::{colors, picture_error, pictures, problem, relative, solved, wanted};
@@ -154,6 +156,37 @@ fn extinction_is_found_again_in_log_space() {
             is_found(&scene, &truth, Find::Extinction, |medium| &medium.extinction);
         }
     }
+}
+
+/// Pictures of a lens with its axis beside the middle, pixels that are not square, and distortion.
+#[test]
+fn extinction_comes_back_through_a_lens_as_without_it() {
+    let pinhole = for_extinction(true, Interpolation::Nearest);
+    let truth = VolumeMedium { extinction: between(&mut numbers(7), 0.2, 2.0, 1), ..pinhole.medium.clone() };
+    let mut lens = pinhole.clone();
+    for view in &mut lens.views {
+        let eye = view.view.camera.position();
+        let bent = Lens {
+            radial: [-0.15, 0.04, 0.0, 0.0],
+            tangential: [0.004, -0.003],
+            ..Lens::new([28.0, 32.0], [8.7, 7.1])
+        };
+        let world = look_at(eye, DVec3::ZERO, DVec3::new(0.1, 0.9, 0.3)).unwrap();
+        view.view.camera = Camera::with_lens(world, bent, [16; 2]).unwrap();
+    }
+    let [without, with] = [&pinhole, &lens].map(|scene| {
+        let desired = wanted(&pictures(scene, &truth, Find::Extinction));
+        let (_, found) = solved(scene, &problem(scene, &desired, Find::Extinction));
+        colors(&found.extinction)
+    });
+    let truth = colors(&truth.extinction);
+    let [apart, off] = [relative(&with, &without), relative(&with, &truth)];
+    assert!(apart < 0.05 && off < 0.05, "{apart:e} from that of the pinhole, {off:e} from the truth");
+    // Taken for a pinhole's, the same pictures give something else.
+    let desired = wanted(&pictures(&lens, &VolumeMedium { ..pinhole.medium.clone() }, Find::Extinction));
+    let (_, found) = solved(&pinhole, &problem(&pinhole, &desired, Find::Extinction));
+    let off = relative(&colors(&found.extinction), &colors(&pinhole.medium.extinction));
+    assert!(off > 0.05, "{off:e}");
 }
 
 #[test]

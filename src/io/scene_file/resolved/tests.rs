@@ -25,7 +25,7 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     ("SphereShape", &["to_world"]),
     ("CylinderShape", &["to_world"]),
     // Either the one or the others.
-    ("Camera", &["to_world", "fov", "fov_axis", "gltf"]),
+    ("Camera", &["to_world", "fov", "fov_axis", "lens", "gltf"]),
     ("Transform", &["matrix", "look_at", "translate", "rotate", "scale"]),
     // Fitted to the scene.
     ("LightMap", &["extent"]),

@@ -442,3 +442,37 @@ fn name_of(file: &Path) -> String {
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shot(file: &str) -> Shot {
+        let world_from_camera = glam::DAffine3::IDENTITY;
+        Shot {
+            file: file.into(),
+            world_from_camera,
+            fov_x: 40.0,
+            lens: None,
+            size: None,
+            mask: None,
+            depth: None,
+        }
+    }
+
+    #[test]
+    fn pictures_of_one_name_in_two_folders_are_two_views() {
+        let files = ["front/0001.png", "back/0001.png", "back/0002.png", "a/b/0001.png", "c/b/0001.png"];
+        let shots = files.map(shot);
+        let names = names_of(&shots.iter().collect::<Vec<_>>());
+        assert_eq!(names, ["front_0001", "back_0001", "0002", "b_0001_3", "b_0001_4"]);
+    }
+
+    #[test]
+    fn opacity_puts_a_picture_before_the_background() {
+        let background = [0.2, 0.4, 0.8];
+        assert_eq!(before([1.0, 0.5, 0.0, 0.0], background), [0.2, 0.4, 0.8, 1.0]);
+        assert_eq!(before([1.0, 0.5, 0.0, 1.0], background), [1.0, 0.5, 0.0, 1.0]);
+        assert_eq!(before([1.0, 0.0, 0.0, 0.5], background), [0.6, 0.2, 0.4, 1.0]);
+    }
+}
