@@ -85,8 +85,9 @@ impl Lens {
         for _ in 0..MOST_STEPS {
             let (moved, derivative) = self.distort(u);
             let miss = target - moved;
-            // Also where it is NaN.
-            if !(derivative.determinant() > 0.0) {
+            // A determinant that is NaN is not positive either.
+            let is_invertible = derivative.determinant() > 0.0;
+            if !is_invertible {
                 return None;
             }
             u += derivative.inverse() * miss;

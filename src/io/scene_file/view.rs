@@ -230,7 +230,7 @@ impl Camera {
                 return Err(Flaw::new("lens", "give either `lens`, or `fov` and `fov_axis`"));
             }
             let built = lens.build(self.size).at("lens")?;
-            return Ok(scene::Camera::with_lens(to_world, built, self.size).at("lens")?);
+            return scene::Camera::with_lens(to_world, built, self.size).at("lens");
         }
         let fov = self.fov.ok_or_else(|| missing("fov"))?;
         let fov_axis = match self.fov_axis.unwrap_or_default() {

@@ -76,7 +76,8 @@ const LIGHT_MAP: &str = r##"{
       "strokes": [{ "points": [[8, 8], [32, 40.5]], "radius": 3, "color": "#ff8000" }],
       "layers": ["@paint.png"]
     },
-    { "name": "side", "camera": { "gltf": { "file": "@hall.glb", "node": "Eye" }, "size": [32, 32] } }
+    { "name": "side", "camera": { "gltf": { "file": "@hall.glb", "node": "Eye" }, "size": [32, 32] } },
+    { "name": "photo", "camera": { "to_world": {}, "lens": { "focal_length": [60, 58], "k1": -0.1 }, "size": [64, 48] } }
   ],
   "light_map": { "extent": { "min": [-2, -1], "max": [2, 1] } },
   "solve": { "quadrature": { "march": { "steps": 64 } } }
