@@ -306,7 +306,7 @@ fn draw(
     steps: &mut Steps<'_>,
     names: &mut Vec<String>,
 ) -> Result<bool> {
-    let (mut map, picture) = (scene.light_map.clone(), light_map.map(io::image::read_image).transpose()?);
+    let (mut map, picture) = (scene.light_map.clone(), light_map.map(io::image::read_radiance).transpose()?);
     if let (Some(path), Some(picture)) = (light_map, &picture) {
         map.size = picture.size();
         map.extent = Placement::beside(path, map.size, &scene.light.frame())?.or(map.extent);

@@ -80,6 +80,19 @@ pub fn read_image(path: &Path) -> Result<Image> {
     Image::new(size, pixels)
 }
 
+/// Reads a picture of radiance: an EXR or an HDR. The numbers of other pictures are made to be looked at.
+///
+/// Errors: as [`read_image`]; [`Error::Format`] for a PNG or a JPEG.
+pub fn read_radiance(path: &Path) -> Result<Image> {
+    let format = PictureFile::open(path)?.format;
+    if matches!(format, PictureFormat::Png | PictureFormat::Jpeg) {
+        let reason = "it is made to be looked at, with values that end at white, and is no radiance; \
+                      give an EXR or HDR file, such as the one that was written beside it";
+        return Err(format_error(path, format.name(), reason));
+    }
+    read_image(path)
+}
+
 /// Reads a painted layer from an EXR or PNG picture with alpha, which is the weight of the constraint.
 ///
 /// The alpha of an EXR is divided out of its colours; that of a PNG never was in them. Alpha that is outside [0, 1] by up to

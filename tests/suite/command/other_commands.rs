@@ -47,6 +47,8 @@ fn render_puts_a_light_map_where_its_solve_had_it() {
         let light_map = ["--light-map", "out/light_map.exr", "--set", moved];
         desk.run(&[&["render", "scene.json", "-o", folder], &light_map[..]].concat())
     };
+    let png = ["render", "scene.json", "-o", "png", "--light-map", "out/light_map.png"];
+    desk.run(&png).exits_with(1).tells("is no radiance");
     render("views").exits_with(0);
     let picture = |name: &str| exr(&desk.path(name)).1;
     assert!(difference(&picture("views/left.exr"), &picture("out/left_after.exr")) < SAME_SOLUTION);
