@@ -239,8 +239,8 @@ fn only_the_checkpoint_of_the_same_problem_is_resumed() {
     }
     let whole = desk.read("out/checkpoint");
     for (damage, words) in [
-        (whole[..whole.len() - 1].to_vec(), "shorter than its header says"),
-        (whole[..40].to_vec(), "header"),
+        (whole[..whole.len() - 1].to_vec(), "not as long as it says, and damaged"),
+        (whole[..40].to_vec(), "damaged"),
         (Vec::new(), "not a checkpoint"),
         (b"\xff\xff".to_vec(), "checkpoint"),
         ([&whole[..whole.len() - 8], &f64::NAN.to_le_bytes()].concat(), ""),
