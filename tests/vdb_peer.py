@@ -167,6 +167,9 @@ def files():
     sphere = pyopenvdb.createLevelSetSphere(radius=3.0, center=(1.0, 0.0, -2.0), voxelSize=0.25)
     sphere.name = "surface"
     yield "level_set", [sphere]
+    values = sphere.deepCopy()
+    values.gridClass = pyopenvdb.GridClass.UNKNOWN
+    yield "values_of_a_level_set", [values]
     several = [grid for _, grid in itertools.chain(boxes(pyopenvdb.FloatGrid), boxes(pyopenvdb.Vec3SGrid))]
     for grid, name in zip(several, ["density", "heat", "flow", "flow", "velocity", "density2"]):
         grid.name = name

@@ -40,6 +40,13 @@ fn grids_that_openvdb_wrote_are_read_exactly() {
     assert_eq!(openvdb("make", folder.path()), Some(0));
     let records = records(folder.path());
     assert!(records.len() > 30, "{} grids", records.len());
+    let (level_sets, records): (Vec<_>, Vec<_>) =
+        records.iter().partition(|(_, record)| record["file"].as_str().unwrap().starts_with("level_set"));
+    assert!(!level_sets.is_empty());
+    for (path, record) in level_sets {
+        let told = read(&folder.path().join(record["file"].as_str().unwrap()), None).unwrap_err().to_string();
+        assert!(told.contains("`surface` is a level set"), "{path:?}: {told}");
+    }
     for (path, record) in &records {
         let file = folder.path().join(record["file"].as_str().unwrap());
         let volume = read(&file, record["grid"].as_str()).unwrap();
