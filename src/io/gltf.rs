@@ -25,6 +25,7 @@ use gltf_json::validation::Checked;
 
 use self::file::GltfFile;
 use self::node_tree::NodeTree;
+use self::picture::Pictures;
 use crate::Result;
 use crate::scene::{FovAxis, Mesh, Rgb};
 
@@ -33,6 +34,7 @@ use crate::scene::{FovAxis, Mesh, Rgb};
 pub struct GltfScene {
     file: GltfFile,
     tree: NodeTree,
+    pictures: Pictures,
 }
 
 /// A perspective camera of a glTF file.
@@ -54,7 +56,7 @@ impl GltfScene {
     pub fn load(path: &Path) -> Result<Self> {
         let file = GltfFile::load(path)?;
         let tree = NodeTree::new(&file)?;
-        Ok(Self { file, tree })
+        Ok(Self { file, tree, pictures: Pictures::default() })
     }
 
     /// The triangles of the default scene, or of the node with this name and of all below it, in world space.
@@ -72,7 +74,8 @@ impl GltfScene {
             Some(name) => self.tree.below([self.find(name, "node", |_| true)?]),
             None => self.tree.scene(&self.file)?,
         };
-        let (mesh, left_out) = triangles::collect(&self.file, &self.tree, &nodes, most_triangles)?;
+        let (mesh, left_out) =
+            triangles::collect(&self.file, &self.pictures, &self.tree, &nodes, most_triangles)?;
         if mesh.triangles.is_empty() {
             let place = node.map_or("the scene".into(), |name| format!("the node `{name}`"));
             let reason = match left_out {

@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use glam::DAffine3;
 use serde::Deserialize;
 
-use super::input;
 use super::numbers::affine_of_rows;
+use super::{image, input};
 use crate::scene::{Camera, FovAxis, Lens, Projection};
 use crate::{Error, Result};
 
@@ -59,7 +59,7 @@ impl Shot {
 /// Reads the shots in the order of the file.
 ///
 /// Paths in the file begin at its folder. A `file_path` that does not exist is tried with the ends of pictures, which some
-/// files leave out. What a frame says of its lens goes before what is said for all frames, and a focal length before an angle.
+/// files leave out. Where `w` and `h` count and are not said, they are those of the picture. What a frame says of its lens goes before what is said for all frames, and a focal length before an angle.
 /// Distortion is that of OpenCV, of perspective lenses (k1 to k4, p1, p2) and of fisheyes (k1 to k4).
 ///
 /// Errors: [`Error::File`]; [`Error::TooLarge`] beyond 64 MiB; [`Error::Format`] naming the frame, when it is no such file, has no
@@ -107,10 +107,11 @@ struct Frame {
 impl Frame {
     fn shot(&self, folder: &Path, of_all: &LensKeys) -> Result<Shot, String> {
         let name = self.file_path.as_ref().filter(|name| !name.is_empty()).ok_or("it has no `file_path`")?;
+        let file = picture(folder, name)?;
         let beside = |name: &Option<String>| name.as_ref().map(|name| named(folder, name)).transpose();
-        let lens = self.lens.over(of_all);
+        let lens = self.lens.over(of_all).sized(&file)?;
         Ok(Shot {
-            file: picture(folder, name)?,
+            file,
             world_from_camera: self.world_from_camera()?,
             fov_x: lens.fov_x()?,
             lens: lens.lens()?,
@@ -200,6 +201,29 @@ impl LensKeys {
         }
     }
 
+    fn is_bent(&self) -> Result<bool, String> {
+        let bends = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2];
+        Ok(self.projection()? == Projection::Equidistant || bends.iter().flatten().any(|bend| *bend != 0.0))
+    }
+
+    /// Whether it is more than a field of view along the width, so that width and height count.
+    fn needs_sides(&self) -> Result<bool, String> {
+        let has_more = [self.cx, self.cy, self.fl_y].iter().any(Option::is_some);
+        Ok(self.is_bent()? || has_more || self.fl_x.is_none() && self.camera_angle_y.is_some())
+    }
+
+    /// With the width and height of its picture, where they count and are not said.
+    fn sized(self, picture: &Path) -> Result<Self, String> {
+        let needs_both = self.needs_sides()?;
+        let needs_width = needs_both || self.fl_x.is_some() && self.camera_angle_x.is_none();
+        if (self.w.is_some() || !needs_width) && (self.h.is_some() || !needs_both) {
+            return Ok(self);
+        }
+        let size = image::size_of(picture).map_err(|error| format!("it has no `w` and `h`, and {error}"))?;
+        let [width, height] = size.map(|side| side as f64);
+        Ok(Self { w: self.w.or(Some(width)), h: self.h.or(Some(height)), ..self })
+    }
+
     fn size(&self) -> Result<Option<[usize; 2]>, String> {
         let side = |name: &str, side: Option<f64>| match side {
             Some(side) if !(side.fract() == 0.0 && (1.0..=MAX_SIDE).contains(&side)) => {
@@ -243,51 +267,30 @@ impl LensKeys {
 
     /// The lens; none where it is a pinhole before the middle of square pixels.
     fn lens(&self) -> Result<Option<Lens>, String> {
-        let projection = self.projection()?;
+        let (projection, needs_sides) = (self.projection()?, self.needs_sides()?);
         let radial = [self.k1, self.k2, self.k3, self.k4].map(|k| k.unwrap_or(0.0));
         let tangential = [self.p1, self.p2].map(|p| p.unwrap_or(0.0));
         if projection == Projection::Equidistant && tangential != [0.0; 2] {
             return Err("`p1` and `p2` mean nothing of a fisheye".to_owned());
         }
-        let need = |name: &str, side_name: &str, side: Option<f64>| {
-            side.ok_or_else(|| format!("`{name}` says nothing without `{side_name}`"))
-        };
-        let is_bent = projection == Projection::Equidistant || radial != [0.0; 4] || tangential != [0.0; 2];
-        let is_asked = is_bent
-            || [self.cx, self.cy, self.fl_y].iter().any(Option::is_some)
-            || self.fl_x.is_none() && self.camera_angle_y.is_some();
-        if !is_asked {
-            return Ok(None);
-        }
+        let Some((width, height)) = self.w.zip(self.h).filter(|_| needs_sides) else { return Ok(None) };
         let by_angle = |angle: f64, side: f64| 0.5 * side / (0.5 * angle).tan();
-        let (width, height) = (need("cx", "w", self.w)?, self.h);
         let fl_x = self.fl_x.or(self.camera_angle_x.map(|angle| by_angle(angle, width)));
         let fl_x = fl_x.ok_or("neither `camera_angle_x` nor `fl_x` says its focal length")?;
         let fl_y = match (self.fl_y, self.fl_x, self.camera_angle_y) {
             (Some(fl_y), ..) => fl_y,
             // Without focal lengths the angles say them.
-            (None, None, Some(angle)) => by_angle(angle, need("camera_angle_y", "h", height)?),
+            (None, None, Some(angle)) => by_angle(angle, height),
             _ => fl_x,
         };
-        let cx = self.cx.unwrap_or(0.5 * width);
+        let centre = [self.cx.unwrap_or(0.5 * width), self.cy.unwrap_or(0.5 * height)];
         let is_middle = |centre: f64, side: f64| (centre - 0.5 * side).abs() <= 1e-9 * side;
-        let (cy, is_centred) = match (self.cy, height) {
-            (None, None) if !is_bent => (0.0, is_middle(cx, width)),
-            (cy, height) => {
-                let height = need("cy", "h", height)?;
-                let cy = cy.unwrap_or(0.5 * height);
-                (cy, is_middle(cx, width) && is_middle(cy, height))
-            }
-        };
+        let is_centred = is_middle(centre[0], width) && is_middle(centre[1], height);
         // Angles have some rounding.
         let is_square = (fl_x - fl_y).abs() <= 1e-9 * fl_x.abs();
-        if !is_bent && is_centred && is_square {
+        if !self.is_bent()? && is_centred && is_square {
             return Ok(None);
         }
-        if height.is_none() {
-            return Err("`fl_y` says nothing without `h`".to_owned());
-        }
-        let lens = Lens { projection, radial, tangential, ..Lens::new([fl_x, fl_y], [cx, cy]) };
-        Ok(Some(lens))
+        Ok(Some(Lens { projection, radial, tangential, ..Lens::new([fl_x, fl_y], centre) }))
     }
 }

@@ -3,9 +3,6 @@
 //! What touches neither shape nor alpha never stops a file. What does is read, or is refused where the file
 //! says that it cannot do without, or is told.
 
-use super::file::GltfFile;
-use crate::Result;
-
 /// What an extension does to a mesh of occluders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Effect {
@@ -87,21 +84,22 @@ pub(super) fn remedy_for_packed() -> &'static str {
     UNPACKED
 }
 
-/// Refuses what the file cannot do without and is not read; tells what else is not read.
-pub(super) fn check(file: &GltfFile) -> Result<()> {
-    for name in &file.root.extensions_required {
+/// What of the extensions that a file uses is not read, a sentence each.
+///
+/// Errors: one that it cannot do without is not read, in words.
+pub(super) fn missed(used: &[String], required: &[String]) -> Result<Vec<String>, String> {
+    for name in required {
         let (effect, remedy) = effect(name);
         if matches!(effect, Effect::Packs | Effect::Missed) {
-            return Err(file.broken(format!("it requires the extension {name}, which is not read; {remedy}")));
+            return Err(format!("it requires the extension {name}, which is not read; {remedy}"));
         }
     }
-    for name in &file.root.extensions_used {
-        let (effect, remedy) = effect(name);
-        if effect == Effect::Missed {
-            file.warn(format!("the extension {name} is not read, and what it changes is missing; {remedy}"));
-        }
-    }
-    Ok(())
+    let missed =
+        used.iter().map(|name| (name, effect(name))).filter(|(_, (effect, _))| *effect == Effect::Missed);
+    let told = |(name, (_, remedy))| {
+        format!("the extension {name} is not read, and what it changes is missing; {remedy}")
+    };
+    Ok(missed.map(told).collect())
 }
 
 #[cfg(test)]

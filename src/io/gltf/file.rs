@@ -8,7 +8,6 @@ use gltf_json::root::Get;
 use gltf_json::{Index, Root};
 use serde_json::Value;
 
-use super::picture::Pictures;
 use super::{extensions, unread};
 use crate::io::input;
 use crate::{Error, Result};
@@ -25,7 +24,6 @@ pub(super) struct GltfFile {
     pub(super) path: PathBuf,
     pub(super) root: Root,
     pub(super) buffers: Vec<Vec<u8>>,
-    pub(super) pictures: Pictures,
     /// What was said already about what is left out.
     warnings: Mutex<Vec<String>>,
 }
@@ -71,7 +69,6 @@ impl GltfFile {
             path: path.into(),
             root: Root::default(),
             buffers: Vec::new(),
-            pictures: Pictures::default(),
             warnings: Mutex::default(),
         };
         let mut blob = None;
@@ -84,7 +81,8 @@ impl GltfFile {
             gltf.parse(text.as_bytes())?
         };
         gltf.check_version()?;
-        extensions::check(&gltf)?;
+        let missed = extensions::missed(&gltf.root.extensions_used, &gltf.root.extensions_required);
+        missed.map_err(|problem| gltf.broken(problem))?.into_iter().for_each(|what| gltf.warn(what));
         gltf.read_buffers(blob)?;
         Ok(gltf)
     }

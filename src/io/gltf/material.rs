@@ -8,6 +8,7 @@ use gltf_json::validation::Checked;
 use serde_json::Value;
 
 use super::file::GltfFile;
+use super::picture::Pictures;
 use crate::Result;
 use crate::io::cutout::Cutoff;
 use crate::scene::{Material, Wrap};
@@ -61,7 +62,12 @@ impl Coordinates {
 
 /// Reads a material; the default one for none. `sets` are the texture coordinates that there are; a texture
 /// without its set cannot be placed, and is no mask.
-pub(super) fn read(file: &GltfFile, index: Option<Index<JsonMaterial>>, sets: &[u32]) -> Result<Surface> {
+pub(super) fn read(
+    file: &GltfFile,
+    pictures: &Pictures,
+    index: Option<Index<JsonMaterial>>,
+    sets: &[u32],
+) -> Result<Surface> {
     let default = JsonMaterial::default();
     let json = match index {
         Some(index) => file.get(index).ok_or_else(|| file.broken(format!("material {index} is missing")))?,
@@ -97,14 +103,14 @@ pub(super) fn read(file: &GltfFile, index: Option<Index<JsonMaterial>>, sets: &[
         ));
         return Ok(opaque(color));
     };
-    let picture = file.pictures.picture(file, image, could_have_holes.is_some())?;
+    let picture = pictures.picture(file, image, could_have_holes.is_some())?;
     let cutoff_of_mask = could_have_holes.filter(|_| picture.has_alpha);
     let mean = picture.mean_where_there(cutoff_of_mask);
     let mut surface = opaque([0, 1, 2].map(|c| color[c] * mean[c]));
     surface.coordinates = coordinates;
     // Most textures of a mask have no hole.
     if let Some(cutoff) = cutoff_of_mask.filter(|&cutoff| picture.has_holes(cutoff)) {
-        surface.material.mask = Some(file.pictures.mask(file, image, cutoff, wraps(file, texture))?);
+        surface.material.mask = Some(pictures.mask(file, image, cutoff, wraps(file, texture))?);
     }
     Ok(surface)
 }

@@ -68,7 +68,7 @@ enum Source {
 /// What makes two masks of the same picture the same: their cut-off and how they wrap.
 type MaskKey = (Source, u32, [u8; 2]);
 
-/// The pictures of a file that have been decoded, and the masks that were made of them.
+/// The pictures of one file that have been decoded, and the masks that were made of them.
 #[derive(Debug, Default)]
 pub(super) struct Pictures(Mutex<Known>);
 

@@ -725,7 +725,7 @@ fn a_picture_is_decoded_once_a_file() {
     let masks: Vec<_> =
         scene.mesh(None, MANY).unwrap().materials.into_iter().map(|m| m.mask.unwrap()).collect();
     assert_eq!(scene.mesh(None, MANY).unwrap().materials.len(), 3);
-    assert_eq!(scene.file.pictures.decoded_bytes(), 8);
+    assert_eq!(scene.pictures.decoded_bytes(), 8);
     assert!(std::sync::Arc::ptr_eq(&masks[0], &masks[1]));
     assert_eq!((masks[0].cutoff, masks[2].cutoff), (0.5, 0.25));
 }

@@ -12,6 +12,7 @@ use super::file::GltfFile;
 use super::instances::Instances;
 use super::material::{self, Surface};
 use super::node_tree::NodeTree;
+use super::picture::Pictures;
 use super::{extensions, listed};
 use crate::scene::{Mesh, Object};
 use crate::{Error, Result};
@@ -23,6 +24,7 @@ use crate::{Error, Result};
 /// number of times.
 pub(super) fn collect(
     file: &GltfFile,
+    pictures: &Pictures,
     tree: &NodeTree,
     nodes: &[usize],
     most_triangles: usize,
@@ -51,6 +53,7 @@ pub(super) fn collect(
     }
     let mut collector = Collector {
         file,
+        pictures,
         mesh: Mesh::default(),
         surfaces: HashMap::new(),
         left_out: 0,
@@ -158,6 +161,7 @@ type SurfaceKey = (Option<usize>, Vec<u32>);
 
 struct Collector<'a> {
     file: &'a GltfFile,
+    pictures: &'a Pictures,
     mesh: Mesh,
     /// With the index of their material in the mesh.
     surfaces: HashMap<SurfaceKey, (Surface, u32)>,
@@ -224,7 +228,7 @@ impl Collector<'_> {
         if let Some(known) = self.surfaces.get(&key) {
             return Ok(known.clone());
         }
-        let surface = material::read(self.file, primitive.material, &key.1)?;
+        let surface = material::read(self.file, self.pictures, primitive.material, &key.1)?;
         let name = || surface.material.name.clone().unwrap_or("(without a name)".into());
         if surface.is_invisible {
             self.nowhere.push(name());

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::*;
+use crate::scene::Image;
 
 const POSE: [[f64; 4]; 4] =
     [[0.0, 0.0, 1.0, 4.0], [1.0, 0.0, 0.0, 0.5], [0.0, 1.0, 0.0, 2.0], [0.0, 0.0, 0.0, 1.0]];
@@ -141,6 +142,30 @@ fn lenses_are_read_as_calibration_wrote_them() {
     assert_eq!(lens(angles), Some(Lens::new([x, y], [320.0, 240.0])));
     assert_eq!(lens(json!({ "camera_angle_x": 1.1, "camera_angle_y": 0.9 })), None);
     assert!(read_value(&with(json!({ "k1": 0.01 }), json!({ "k1": 0.0 }))).1.unwrap()[0].lens.is_none());
+}
+
+#[test]
+fn what_is_not_said_of_width_and_height_is_that_of_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = image::png_bytes(&Image::constant([64, 48], [0.5; 3]), 1.0).unwrap();
+    std::fs::write(folder.path().join("a.png"), picture).unwrap();
+    let of_picture = |keys: Value| {
+        let mut document = keys;
+        document["frames"] = json!([{ "file_path": "a.png", "transform_matrix": POSE }]);
+        let path = folder.path().join("transforms.json");
+        std::fs::write(&path, document.to_string()).unwrap();
+        read(&path).unwrap().remove(0)
+    };
+    let contradicting = of_picture(json!({ "camera_angle_x": 0.7, "camera_angle_y": 1.4 }));
+    let [x, y] = [32.0 / 0.35_f64.tan(), 24.0 / 0.7_f64.tan()];
+    assert_eq!(contradicting.lens, Some(Lens::new([x, y], [32.0, 24.0])));
+    assert_eq!(of_picture(json!({ "fl_x": 50.0, "fl_y": 60.0, "h": 40 })).size, Some([64, 40]));
+    assert_eq!(
+        of_picture(json!({ "fl_x": 50.0, "cx": 30.0 })).lens,
+        Some(Lens::new([50.0; 2], [30.0, 24.0]))
+    );
+    let plain = of_picture(json!({ "camera_angle_x": 0.7 }));
+    assert_eq!((plain.lens, plain.size), (None, None), "nothing was looked up");
 }
 
 #[test]
