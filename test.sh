@@ -32,6 +32,7 @@ export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$out}"
 
 say "format"
 cargo fmt --all --check
+cargo fmt --manifest-path fuzz/Cargo.toml --check
 
 say "lints"
 cargo clippy --all-targets --locked --release -- -D warnings

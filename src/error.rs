@@ -186,7 +186,7 @@ pub enum Fault {
 impl Error {
     /// Whether the input or the machine is at fault.
     pub fn fault(&self) -> Fault {
-        use std::io::ErrorKind::{FileTooLarge, OutOfMemory, QuotaExceeded, StorageFull};
+        use std::io::ErrorKind::{FileTooLarge, OutOfMemory, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
         match self {
             Self::Interrupted
             | Self::Machine(_)
@@ -194,7 +194,10 @@ impl Error {
             | Self::Unsupported { .. }
             | Self::AdapterMemory { .. } => Fault::Machine,
             Self::File { source, .. }
-                if matches!(source.kind(), StorageFull | QuotaExceeded | FileTooLarge | OutOfMemory) =>
+                if matches!(
+                    source.kind(),
+                    StorageFull | QuotaExceeded | FileTooLarge | OutOfMemory | ReadOnlyFilesystem
+                ) =>
             {
                 Fault::Machine
             }

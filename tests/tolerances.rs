@@ -48,7 +48,7 @@ pub const VOLUME_FOUND: f64 = 2e-2;
 pub const DIFFUSED: f64 = 1e-6;
 
 /// Our own error in pictures of single scattering, as a part of each pixel: 64 directions for a sky, light that is trilinear
-/// between the centres of 48³ voxels. It is added to the standard error of the reference.
+/// between the centres of 72³ voxels. It is added to the standard error of the reference.
 pub const MITSUBA_BIAS: f64 = 1e-3;
 
 /// The same where a voxel is an optical depth of 1.5 thick, in which light is less like a trilinear function.

@@ -88,7 +88,7 @@ fn volume(folder: &Path, name: &str) -> Result<Value, Failure> {
     let rays = PixelRays::new(cameras.into(), pixels.clone(), Vec::new().into());
     let traversal = VolumeTraversal::new(transport(density), rays, vec![part]);
     let rows: Vec<usize> =
-        (0..pixels.len()).into_par_iter().filter(|&row| traversal.meets_elements(row)).collect();
+        (0..pixels.len()).into_par_iter().filter(|&row| traversal.has_weights(row)).collect();
     let traversal = traversal.along(traversal.rays().picked(&rows));
     let made = clock.elapsed().as_secs_f64();
 

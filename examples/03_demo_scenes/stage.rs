@@ -168,7 +168,7 @@ impl Stage {
 /// A view of the pictures' common size, without strokes.
 pub(crate) fn view(name: &str, origin: [f64; 3], target: [f64; 3], fov: f64) -> View {
     let camera = camera(origin, target, (fov, FovAxis::X), [640, 360]);
-    View { name: name.to_owned(), camera, strokes: Vec::new(), layers: Vec::new() }
+    View { name: name.to_owned(), camera, strokes: Vec::new(), layers: Vec::new(), association: None }
 }
 
 /// A camera that stands at `origin` and looks at `target`.

@@ -156,10 +156,13 @@ pub(crate) struct SolveArguments {
     /// Continue from the checkpoint in the output folder.
     #[arg(long)]
     pub(crate) resume: bool,
+    /// Seconds between checkpoints.
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = seconds)]
+    pub(crate) checkpoint_every: f64,
     /// Neither draw the pictures of the views nor write them, as for sweeps over settings.
     #[arg(long)]
     pub(crate) no_pictures: bool,
-    /// Write what there is so far, as pictures, every N iterations.
+    /// Write what there is so far, as pictures, every N iterations: to `preview` in the folder for the results.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) preview_every: Option<u32>,
 }
@@ -287,6 +290,11 @@ impl AnimateArguments {
     pub(crate) fn formats(&self) -> Result<Vec<Format>> {
         formats(&self.formats)
     }
+}
+
+fn seconds(text: &str) -> std::result::Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds: &f64| (0.0..=1e6).contains(seconds));
+    seconds.ok_or_else(|| "a number of seconds from 0 to 1000000 is needed".to_owned())
 }
 
 fn memory_size(text: &str) -> Result<MemorySize, &'static str> {

@@ -1,6 +1,7 @@
 //! The commands that are one job.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::args::{
     AnimateArguments, BackendArguments, LightMapArguments, MatrixArguments, OutputArguments, RenderArguments,
@@ -77,6 +78,7 @@ fn options(backend: &BackendArguments, solve: &SolveArguments, folder: &Path) ->
         deterministic: solve.deterministic,
         folder: Some(folder.to_owned()),
         resume: solve.resume,
+        checkpoint_every: Duration::from_secs_f64(solve.checkpoint_every),
         pictures: !solve.no_pictures,
         ..Options::default()
     }

@@ -95,7 +95,10 @@ fn start_threads(asked: Option<u16>) -> Result<()> {
         return Err(Error::value(name, threads, "at most 4096"));
     }
     let built = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-    built.map_err(|error| Error::Machine(format!("cannot start {threads} threads: {error}; ask for fewer")))
+    let count = if threads == 0 { String::new() } else { format!("{threads} ") };
+    let failed =
+        |error| Error::Machine(format!("cannot start {count}threads: {error}; ask for fewer (--threads)"));
+    built.map_err(failed)
 }
 
 /// A panic that is caught and told as an error is not told as a panic, too.

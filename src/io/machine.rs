@@ -5,9 +5,9 @@ use std::fs;
 /// Memory to assume where the system does not say what is free.
 const ASSUMED: u64 = 4 << 30;
 
-/// Bytes that are free, as the system says; a container's limit counts.
+/// Bytes that are free, as the system says; the limits of a container and of the process (`ulimit -v`) count.
 pub fn free_memory() -> Option<u64> {
-    let free = kibibytes_after("/proc/meminfo", "MemAvailable:")?;
+    let free = kibibytes_after("/proc/meminfo", "MemAvailable:")?.min(left_to_process().unwrap_or(u64::MAX));
     let limit =
         fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|text| text.trim().parse().ok());
     let used =
@@ -16,6 +16,14 @@ pub fn free_memory() -> Option<u64> {
         (Some(limit), Some(used)) => free.min(u64::saturating_sub(limit, used)),
         _ => free,
     })
+}
+
+/// Bytes of addresses that this process may still take, where they are limited.
+fn left_to_process() -> Option<u64> {
+    let limits = fs::read_to_string("/proc/self/limits").ok()?;
+    let limit = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
+    let limit: u64 = limit.split_whitespace().next()?.parse().ok()?;
+    Some(limit.saturating_sub(kibibytes_after("/proc/self/status", "VmSize:")?))
 }
 
 /// The memory that a solve may take when nothing is said about it.

@@ -1,6 +1,6 @@
 //! From a problem to its solution, on whatever computes.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::Options;
 use super::checkpoint::Keeper;
@@ -12,11 +12,8 @@ use crate::operator::{CpuVector, FromHost, Storage, TransportOperator, adjoint_t
 use crate::problem::{Paused, Problem, Solved, solve};
 use crate::report::Work;
 use crate::scene::{Rgb, SolveSettings};
-use crate::solve::{Control, StopReason};
+use crate::solve::{Control, Outcome, StopReason};
 use crate::{Error, Result};
-
-/// How often a checkpoint is written.
-const CHECKPOINT_EVERY: Duration = Duration::from_secs(10);
 /// The adjoint of this problem is tested with vectors made from this seed.
 const SEED: u64 = 1;
 
@@ -112,7 +109,7 @@ impl ProblemSolve<'_> {
         let storage = operator.storage();
         tracing::info!(?storage, adjoint_error, "operator");
 
-        let limit = self.settings.iterations;
+        let (limit, options) = (self.settings.iterations, self.options);
         steps.begin("solving", Some(limit as u64));
         let mut saved = Instant::now();
         let solved =
@@ -129,13 +126,14 @@ impl ProblemSolve<'_> {
                     (self.preview)(&snapshot.elements()?)?;
                 }
                 if let Some(checkpoint) = self.checkpoint
-                    && saved.elapsed() > CHECKPOINT_EVERY
+                    && saved.elapsed() > options.checkpoint_every
                 {
                     checkpoint.keep(history, snapshot);
                     saved = Instant::now();
                 }
                 Ok(if wish == Some(Wish::Stop) { Control::Stop } else { steps.control() })
             })?;
+        tell_of_limit(self.settings, &solved.outcome);
         let of_it = after(operator, &solved.x, steps)?;
         let other_bytes = self.memory.beside_rows(self.settings, self.problem)?;
         let (backend, device) = ("cpu", processor());
@@ -143,6 +141,23 @@ impl ProblemSolve<'_> {
             Computed { coverage, adjoint_error, storage, solved, backend, device, work: None, other_bytes };
         Ok((computed, of_it))
     }
+}
+
+/// Says where a solve has ended that was not asked to end early.
+fn tell_of_limit(settings: &SolveSettings, Outcome { stop, true_normal_residual, .. }: &Outcome) {
+    if stop.reason != StopReason::Iterations
+        || settings.tolerance == 0.0
+        || settings.iterations < SolveSettings::default().iterations
+    {
+        return;
+    }
+    let [red, green, blue] = true_normal_residual.map(|part| format!("{part:.1e}"));
+    tracing::warn!(
+        "the solve has ended at its limit of {} iterations: its gradient is {red}, {green} and {blue} of its start (red, green, blue), and \
+         {:.0e} is asked for; what is found may still change (raise solve.iterations)",
+        settings.iterations,
+        settings.tolerance
+    );
 }
 
 /// The processor, in words.

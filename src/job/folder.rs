@@ -1,12 +1,14 @@
 //! The folder of results, and the pictures of a view in it.
 
-use std::ffi::OsStr;
+use std::collections::BTreeSet;
+use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use tempfile::TempDir;
 
+use super::held::{HELD, Held, Owner};
 use super::lock::{LOCK, Lock};
-
 use crate::problem::Rendering;
 use crate::scene::{Image, Rgb};
 use crate::{Error, Result};
@@ -15,31 +17,78 @@ use crate::{io, report};
 /// The folder that a command writes its results to.
 ///
 /// They are made in a folder inside it and moved out of that together, so that a disk that fills up half-way leaves
-/// the results that were there as they were.
+/// the results that were there as they were. A run that is killed while it moves them leaves a mark, and the next run moves the rest.
 #[derive(Debug)]
 pub(crate) struct Folder {
     path: PathBuf,
     making: TempDir,
+    /// Whose results are written, where that is known.
+    owner: Option<Owner>,
+    written: Mutex<BTreeSet<String>>,
+    previewed: Mutex<BTreeSet<String>>,
     /// Until the run is over.
     _lock: Lock,
 }
 
 /// How the names of the folders begin in which results are made.
 const MAKING: &str = ".unscatter-";
+/// The folder of pictures of a solve that goes on, in that of its results.
+const PREVIEW: &str = "preview";
 
-/// Removes what is being made in a folder, and with it what a killed run left; for the run that has the folder. What cannot be removed stays.
+/// Removes what is being made in a folder, and with it what a killed run left, once results that are whole have been moved out of it; for the
+/// run that has the folder. What cannot be removed stays.
 fn sweep(folder: &Path) {
-    let Ok(entries) = std::fs::read_dir(folder) else { return };
-    let is_made = |name: &OsStr| name != LOCK && name.to_string_lossy().starts_with(MAKING);
-    for entry in entries.flatten().filter(|entry| is_made(&entry.file_name())) {
-        _ = std::fs::remove_dir_all(entry.path());
+    for name in names(folder).unwrap_or_default() {
+        if name.starts_with(MAKING) && name != LOCK && name != HELD {
+            let making = folder.join(name);
+            if settle(folder, &making).is_ok() {
+                _ = fs::remove_dir_all(making);
+            }
+        }
     }
 }
 
+/// Moves results that are whole out of the folder that they were made in, removes those that they replace, and says what there is now. Does
+/// nothing where they are not whole.
+fn settle(folder: &Path, making: &Path) -> Result<()> {
+    let Some(held) = Held::of(making) else { return Ok(()) };
+    for name in names(making)?.into_iter().filter(|name| name != HELD) {
+        rename(&making.join(&name), &folder.join(name))?;
+    }
+    for name in held
+        .obsolete
+        .iter()
+        .filter(|name| Path::new(name).file_name().is_some_and(|file| file == name.as_str()))
+    {
+        _ = fs::remove_file(folder.join(name));
+    }
+    rename(&making.join(HELD), &folder.join(HELD))?;
+    sync(folder)
+}
+
+/// The names in a folder; all that are made here are UTF-8.
+fn names(folder: &Path) -> Result<BTreeSet<String>> {
+    let entries = fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
+    let entries = entries.map_err(failed("read", folder))?;
+    Ok(entries.into_iter().filter_map(|entry| entry.file_name().into_string().ok()).collect())
+}
+
+fn rename(from: &Path, to: &Path) -> Result<()> {
+    fs::rename(from, to).map_err(failed("replace", to))
+}
+
+/// Makes sure that the names in a folder survive a power cut.
+fn sync(folder: &Path) -> Result<()> {
+    #[cfg(unix)]
+    fs::File::open(folder).and_then(|folder| folder.sync_all()).map_err(failed("write into", folder))?;
+    Ok(())
+}
+
 /// Removes what is being made in a folder and gives the folder up; for a run that ends at once.
+#[cfg(feature = "cli")]
 pub(crate) fn abandon(folder: &Path) {
     sweep(folder);
-    _ = std::fs::remove_file(folder.join(LOCK));
+    _ = fs::remove_file(folder.join(LOCK));
 }
 
 impl Folder {
@@ -48,12 +97,20 @@ impl Folder {
     /// Errors: [`Error::File`] where that fails; [`Error::Machine`] where another run has it.
     pub(crate) fn create(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
-        std::fs::create_dir_all(&path).map_err(failed("create the folder", &path))?;
+        fs::create_dir_all(&path).map_err(failed("create the folder", &path))?;
         let lock = Lock::of(&path)?;
         sweep(&path);
         let making = tempfile::Builder::new().prefix(MAKING).tempdir_in(&path);
         let making = making.map_err(failed("write into", &path))?;
-        Ok(Self { path, making, _lock: lock })
+        let [written, previewed] = [(); 2].map(|()| Mutex::default());
+        Ok(Self { path, making, owner: None, written, previewed, _lock: lock })
+    }
+
+    /// The same for the results that a command has of a scene. When the last have come, what it wrote there before and has not written
+    /// again goes, and so do the results of other scenes.
+    pub(crate) fn of(mut self, command: &'static str, scene: &str) -> Self {
+        self.owner = Some(Owner { command, scene: scene.to_owned() });
+        self
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -65,19 +122,50 @@ impl Folder {
         self.making.path().join(name)
     }
 
-    /// Moves everything that has been made to its place, over what was there.
+    /// Moves everything that has been made to its place, over what was there. More will come.
     ///
     /// Errors: [`Error::File`] before anything is moved when a folder is in the way.
     pub(crate) fn publish(&self) -> Result<()> {
-        let made = std::fs::read_dir(self.making.path())
-            .and_then(|made| made.map(|result| Ok(result?.file_name())).collect::<std::io::Result<Vec<_>>>())
-            .map_err(failed("read", self.making.path()))?;
+        self.move_out(false)
+    }
+
+    /// The same, after which nothing more comes: see [`Folder::of`]. Previews go.
+    pub(crate) fn finish(&self) -> Result<()> {
+        self.move_out(true)?;
+        let folder = self.path.join(PREVIEW);
+        for name in std::mem::take(&mut *lock(&self.previewed)) {
+            _ = fs::remove_file(folder.join(name));
+        }
+        // Somebody may have put something there.
+        _ = fs::remove_dir(folder);
+        Ok(())
+    }
+
+    fn move_out(&self, is_last: bool) -> Result<()> {
+        let made = names(self.making.path())?;
         if let Some(place) = made.iter().map(|name| self.path.join(name)).find(|place| place.is_dir()) {
             return Err(failed("replace", &place)(std::io::ErrorKind::IsADirectory.into()));
         }
-        for name in made {
-            let place = self.path.join(&name);
-            std::fs::rename(self.making.path().join(name), &place).map_err(failed("replace", &place))?;
+        let mut held = Held::of(&self.path).unwrap_or_default();
+        if let Some(owner) = &self.owner {
+            let mut written = lock(&self.written);
+            written.extend(made.iter().cloned());
+            held = if is_last { held.only(owner, &written) } else { held.with(owner, &made) };
+        }
+        held.write(self.making.path())?;
+        sync(self.making.path())?;
+        settle(&self.path, self.making.path())
+    }
+
+    /// Moves everything that has been made to a folder of previews, so that results that are whole stay whole.
+    ///
+    /// Errors: [`Error::File`].
+    pub(crate) fn publish_preview(&self) -> Result<()> {
+        let folder = self.path.join(PREVIEW);
+        fs::create_dir_all(&folder).map_err(failed("create the folder", &folder))?;
+        for name in names(self.making.path())? {
+            rename(&self.file(&name), &folder.join(&name))?;
+            lock(&self.previewed).insert(name);
         }
         Ok(())
     }
@@ -99,6 +187,18 @@ impl Folder {
         let path = self.file(name);
         io::write_whole(&path, |file| file.write_all(bytes).map_err(failed("write", &path)))
     }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // Moving them has failed half-way: what is not moved now is left for the next run.
+        let is_settled = settle(&self.path, self.making.path()).is_ok();
+        self.making.disable_cleanup(!is_settled);
+    }
+}
+
+fn lock(names: &Mutex<BTreeSet<String>>) -> std::sync::MutexGuard<'_, BTreeSet<String>> {
+    names.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn failed(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Error {
@@ -175,17 +275,95 @@ impl ViewImages {
 mod tests {
     use super::*;
 
-    fn names(folder: &Path) -> Vec<String> {
-        let entries = std::fs::read_dir(folder).unwrap();
-        entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect()
+    /// The results, and what else lies there.
+    fn seen(folder: &Path) -> Vec<String> {
+        names(folder).unwrap().into_iter().filter(|name| name != HELD).collect()
+    }
+
+    /// A run of a command that writes these results at once.
+    fn run(folder: &Path, command: &'static str, scene: &str, results: &[&str]) {
+        let folder = Folder::create(folder).unwrap().of(command, scene);
+        results.iter().for_each(|name| folder.write_bytes(name, scene.as_bytes()).unwrap());
+        folder.finish().unwrap();
+    }
+
+    #[test]
+    fn results_of_two_scenes_are_not_mixed_and_other_files_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        fs::write(path.join("mine.txt"), b"x").unwrap();
+        run(path, "light-map", "hall", &["light_map", "left_after", "right_after"]);
+        run(path, "render", "hall", &["left"]);
+        assert_eq!(seen(path), ["left", "left_after", "light_map", "mine.txt", "right_after"]);
+        // A view less: what was of it goes. What another command wrote of the scene stays.
+        run(path, "light-map", "hall", &["light_map", "left_after"]);
+        assert_eq!(seen(path), ["left", "left_after", "light_map", "mine.txt"]);
+        run(path, "render", "nave", &["left", "apse"]);
+        assert_eq!(seen(path), ["apse", "left", "mine.txt"]);
+        // Results that come one after the other belong together.
+        let animated = Folder::create(path).unwrap().of("render", "nave");
+        for name in ["frame_0", "frame_1"] {
+            animated.write_bytes(name, b"x").unwrap();
+            animated.publish().unwrap();
+            assert!(seen(path).contains(&"apse".to_owned()));
+        }
+        animated.finish().unwrap();
+        drop(animated);
+        assert_eq!(seen(path), ["frame_0", "frame_1", "mine.txt"]);
+    }
+
+    #[test]
+    fn previews_leave_results_alone_and_go_with_the_next() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        run(path, "light-map", "old", &["light_map"]);
+        let again = Folder::create(path).unwrap().of("light-map", "new");
+        for preview in [b"one", b"two"] {
+            again.write_bytes("light_map", preview).unwrap();
+            again.publish_preview().unwrap();
+            assert_eq!(fs::read(path.join("preview/light_map")).unwrap(), preview);
+            assert_eq!(fs::read(path.join("light_map")).unwrap(), b"old");
+        }
+        again.write_bytes("light_map", b"new").unwrap();
+        again.finish().unwrap();
+        drop(again);
+        assert_eq!(fs::read(path.join("light_map")).unwrap(), b"new");
+        assert_eq!(seen(path), ["light_map"]);
+    }
+
+    /// A run is killed after any step of moving its results out: the next one finds all of them, or none.
+    #[test]
+    fn a_kill_between_two_moves_leaves_all_or_nothing() {
+        let new = ["a", "b", "c"];
+        for (steps, is_marked) in [(0, false), (0, true), (1, true), (2, true), (3, true)] {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path();
+            run(path, "light-map", "hall", &["a", "b", "old"]);
+            let making = path.join(".unscatter-killed");
+            fs::create_dir(&making).unwrap();
+            new.iter().for_each(|name| fs::write(making.join(name), b"new").unwrap());
+            if is_marked {
+                let owner = Owner { command: "light-map", scene: "hall".to_owned() };
+                let written = new.iter().map(|name| (*name).to_owned()).collect();
+                Held::of(path).unwrap().only(&owner, &written).write(&making).unwrap();
+            }
+            for name in &new[..steps] {
+                fs::rename(making.join(name), path.join(name)).unwrap();
+            }
+            drop(Folder::create(path).unwrap());
+            let expected: &[&str] = if is_marked { &["a", "b", "c"] } else { &["a", "b", "old"] };
+            assert_eq!(seen(path), expected, "{steps}");
+            let content: &[u8] = if is_marked { b"new" } else { b"hall" };
+            assert!(expected.iter().all(|name| fs::read(path.join(name)).unwrap() == content), "{steps}");
+        }
     }
 
     #[test]
     fn one_run_has_a_folder_and_leaves_nothing_but_results_in_it() {
         let folder = tempfile::tempdir().unwrap();
         // What a run left that was killed.
-        std::fs::create_dir(folder.path().join(".unscatter-x1y2")).unwrap();
-        std::fs::write(folder.path().join(".unscatter-x1y2/half.exr"), b"half").unwrap();
+        fs::create_dir(folder.path().join(".unscatter-x1y2")).unwrap();
+        fs::write(folder.path().join(".unscatter-x1y2/half.exr"), b"half").unwrap();
         let first = Folder::create(folder.path()).unwrap();
         let refused = Folder::create(folder.path()).unwrap_err();
         let told = format!("in use by process {};", std::process::id());
@@ -193,9 +371,9 @@ mod tests {
         first.write_bytes("result", b"whole").unwrap();
         first.publish().unwrap();
         drop(first);
-        assert_eq!(names(folder.path()), ["result"]);
+        assert_eq!(seen(folder.path()), ["result"]);
         drop(Folder::create(folder.path()).unwrap());
-        assert_eq!(names(folder.path()), ["result"]);
+        assert_eq!(seen(folder.path()), ["result"]);
     }
 
     #[test]
@@ -214,6 +392,6 @@ mod tests {
             runs.into_iter().map(|run| run.join().unwrap()).filter(|&won| won).count()
         });
         assert_eq!(won, 1);
-        assert!(names(folder.path()).is_empty());
+        assert!(seen(folder.path()).is_empty());
     }
 }

@@ -215,7 +215,7 @@ fn preview(scene: &Scene, problem: &LightMapProblem, folder: &Folder, elements: 
         let after = render(scene, &problem.maps, Some(elements), view)?.after;
         folder.write_picture(&format!("{}_after", seen.name), &after, scene.exposure)?;
     }
-    folder.publish()
+    folder.publish_preview()
 }
 
 fn light_map_picture(problem: &LightMapProblem, texels: &[Rgb]) -> Result<Image> {

@@ -41,7 +41,7 @@ impl Exported {
         write("b.npy", &self.targets)?;
         write("x0.npy", &self.start)?;
         io::npy::write_f32(&folder.file("rows.npy"), &[self.rows.len(), 4], self.rows.as_flattened())?;
-        folder.publish()
+        folder.finish()
     }
 }
 

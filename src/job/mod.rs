@@ -16,6 +16,7 @@ mod engine;
 mod environment;
 mod findings;
 mod folder;
+mod held;
 mod light_map;
 mod live;
 mod lock;
@@ -31,7 +32,7 @@ mod volume;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::io::scene_file::{
     Animated, AnimatedVolume, Document, Resolved, SceneFile, Subject, VolumeDocument,
@@ -49,7 +50,9 @@ pub(crate) use asked::AskedProblem;
 pub(crate) use compute::device;
 pub(crate) use engine::Engine;
 pub use engine::{Backend, EngineChoice};
-pub(crate) use folder::{Folder, abandon};
+pub(crate) use folder::Folder;
+#[cfg(feature = "cli")]
+pub(crate) use folder::abandon;
 pub use live::{LiveJob, Preview, Standing};
 pub use matrix::Exported;
 #[cfg(feature = "cli")]
@@ -90,6 +93,28 @@ impl From<AnimatedVolume> for Scenes {
     }
 }
 
+impl Scenes {
+    /// What the scene is called.
+    fn name(&self) -> &str {
+        match self {
+            Self::LightMap(scene) => &scene.name,
+            Self::Volume(scene) => &scene.name,
+            Self::Animation(animated) => {
+                animated.animation.keys.first().map_or("", |key| key.scene.name.as_str())
+            }
+        }
+    }
+
+    /// The command that solves such scenes.
+    fn command(&self) -> &'static str {
+        match self {
+            Self::LightMap(_) => "light-map",
+            Self::Volume(_) => "volume",
+            Self::Animation(_) => "animate",
+        }
+    }
+}
+
 /// How a job is done, beside what its scene says.
 #[derive(Debug, Clone)]
 pub struct Options {
@@ -103,6 +128,8 @@ pub struct Options {
     pub folder: Option<PathBuf>,
     /// Go on from the checkpoint in that folder.
     pub resume: bool,
+    /// How long a solve runs at most without a checkpoint.
+    pub checkpoint_every: Duration,
     /// Whether the pictures of the views are drawn and written.
     pub pictures: bool,
     /// Pictures of a volume from all around.
@@ -125,6 +152,7 @@ impl Default for Options {
             rasterize: false,
             folder: None,
             resume: false,
+            checkpoint_every: Duration::from_secs(10),
             pictures: true,
             turntable: 8,
             formats: vec![Format::Npy, Format::Vdb],
@@ -269,7 +297,8 @@ impl Job {
         folder: impl Into<PathBuf>,
         observer: &mut impl Observer,
     ) -> Result<Option<Vec<PathBuf>>> {
-        let (folder, mut steps) = (Folder::create(folder)?, self.steps(observer));
+        let folder = Folder::create(folder)?.of("render", self.scenes.name());
+        let mut steps = self.steps(observer);
         let mut names = Vec::new();
         let is_whole = match &self.scenes {
             Scenes::LightMap(scene) => draw(scene, light_map, &folder, &mut steps, &mut names)?,
@@ -286,7 +315,7 @@ impl Job {
         if !is_whole {
             return Ok(None);
         }
-        folder.publish()?;
+        folder.finish()?;
         Ok(Some(names.into_iter().map(|name| folder.path().join(name)).collect()))
     }
 

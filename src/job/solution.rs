@@ -30,6 +30,8 @@ pub struct Solution {
     found: Found,
     /// What the scene file asked for, where there is one.
     resolved: Option<Arc<Resolved>>,
+    /// The command that finds such a solution, and the name of its scene.
+    owner: (&'static str, String),
     options: Options,
     /// Where checkpoints went while it was looked for.
     folder: Option<Folder>,
@@ -58,7 +60,9 @@ impl Solution {
     pub(super) fn find(job: &Job, observer: &mut dyn Observer) -> Result<Self> {
         let options = &job.options;
         let mut engine = Engine::open(&options.engine, &options.stop)?;
-        let folder = options.folder.as_ref().map(Folder::create).transpose()?;
+        let owner = (job.scenes.command(), job.scenes.name().to_owned());
+        let owned = |folder: Folder| folder.of(owner.0, &owner.1);
+        let folder = options.folder.as_ref().map(Folder::create).transpose()?.map(owned);
         let mut steps = Steps::new(observer, &options.stop, job.timings.clone());
         let found = match &job.scenes {
             Scenes::LightMap(scene) => {
@@ -77,7 +81,7 @@ impl Solution {
         let timings = steps.finish();
         let report = found.report(&timings)?;
         let resolved = job.resolved.clone();
-        Ok(Self { found, resolved, options: options.clone(), folder, report, timings })
+        Ok(Self { found, resolved, owner, options: options.clone(), folder, report, timings })
     }
 
     /// The light map of a sun, row 0 its top edge as seen upright from the sun.
@@ -179,7 +183,7 @@ impl Solution {
             // Its last checkpoint is published with the results.
             Some(folder) if folder.path() == path => folder,
             _ => {
-                made = Folder::create(path)?;
+                made = Folder::create(path)?.of(self.owner.0, &self.owner.1);
                 &made
             }
         };
@@ -201,7 +205,7 @@ impl Solution {
         if let Some(resolved) = &self.resolved {
             write_resolved(resolved, folder)?;
         }
-        folder.publish()?;
+        folder.finish()?;
         Ok(Written { folder: path.to_owned(), report, is_interrupted })
     }
 

@@ -33,8 +33,8 @@ impl Seen {
             return None;
         }
         let point = self.ray.at(hit.distance);
-        let lifted = point + hit.normal * (1e-4 * (1.0 + hit.distance));
-        if maps.geometry.blocks(&Ray { origin: lifted, direction: towards }, f64::INFINITY) {
+        let origin = hit.lifted(point, hit.distance);
+        if maps.geometry.blocks(&Ray { origin, direction: towards }, f64::INFINITY) {
             return None;
         }
         let transmittance = scene.medium.transmittance(hit.distance);

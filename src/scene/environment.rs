@@ -4,7 +4,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::directions::{fibonacci, longitude_latitude, nearest, picture_direction, pixel_angle};
-use super::{BasisLight, Image, LightBasis, Rgb};
+use super::{BasisLight, Image, LightBasis, Rgb, mixed};
 use crate::{Error, Result};
 
 /// Light from all directions, infinitely far away.
@@ -74,7 +74,7 @@ impl Environment {
         else {
             return Ok(self.clone());
         };
-        let lights = mine.iter().zip(theirs).map(|(mine, theirs)| super::mixed(mine, theirs, share));
+        let lights = mine.iter().zip(theirs).map(|(mine, theirs)| mixed(mine, theirs, share));
         Self::lights(basis.clone(), lights.collect())
     }
 
@@ -130,15 +130,14 @@ impl Environment {
         Image::new(size, (0..size[0] * size[1]).map(radiance).collect())
     }
 
-    /// Radiance that comes from a direction (of unit length, pointing there).
+    /// Radiance that comes from a direction (of unit length, pointing there). A map is bilinear between the centres of its pixels, around
+    /// the seam, too, and constant beyond the first and the last row.
     pub fn radiance(&self, towards: DVec3) -> Rgb {
         match &self.distribution {
             Distribution::Constant(radiance) => *radiance,
             Distribution::Map(picture) => {
-                let [width, height] = picture.size();
                 let [u, v] = longitude_latitude(towards);
-                let pixel = |part: f64, side: usize| ((part * side as f64) as usize).min(side - 1);
-                picture.at(pixel(u, width), pixel(v, height))
+                between(picture, u, v)
             }
             Distribution::Lights(basis, colors) => basis.radiance(colors, towards),
         }
@@ -204,6 +203,19 @@ fn is_radiance(color: &Rgb) -> bool {
     color.iter().all(|&c| c.is_finite() && c >= 0.0)
 }
 
+/// A picture that goes around from left to right, at a place from 0 to 1 across and down.
+fn between(picture: &Image, u: f64, v: f64) -> Rgb {
+    let [width, height] = picture.size();
+    let (x, y) = (u * width as f64 - 0.5, v * height as f64 - 0.5);
+    let columns = [0, 1].map(|next| (x.floor() as i64 + next).rem_euclid(width as i64) as usize);
+    let rows = [0, 1].map(|next| (y.floor() as i64 + next).clamp(0, height as i64 - 1) as usize);
+    let [above, below] = rows.map(|row| {
+        let [left, right] = columns.map(|column| picture.at(column, row));
+        mixed(&left, &right, x - x.floor())
+    });
+    mixed(&above, &below, y - y.floor())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -229,16 +241,31 @@ mod tests {
     }
 
     #[test]
-    fn the_map_is_looked_up_where_its_pixels_are() -> Result<()> {
+    fn the_map_is_looked_up_where_its_pixels_are_and_bilinear_between_them() -> Result<()> {
         let mut picture = Image::constant([8, 4], [0.0; 3]);
         picture.pixels[8 + 4] = [3.0; 3];
         let environment = Environment::map(picture, 64)?;
         // Just right of the middle, above the horizon: towards −Z, and up.
         let seen = DVec3::new(0.2, 0.4, -1.0).normalize();
-        assert_eq!(environment.radiance(seen), [3.0; 3]);
-        assert_eq!(environment.radiance(-seen), [0.0; 3]);
+        assert!(environment.radiance(seen)[1] > 1.5);
         let brightest = environment.beams().into_iter().max_by(|a, b| a.1[0].total_cmp(&b.1[0]));
         assert!(brightest.is_some_and(|(towards, _)| towards.dot(seen) > 0.8));
+        assert_eq!(environment.radiance(-seen), [0.0; 3]);
+        let near = |got: Rgb, expected: f32| assert!((got[2] - expected).abs() < 1e-6, "{got:?} {expected}");
+        near(environment.radiance(picture_direction([8, 4], 12)), 3.0);
+        // In a picture of twice as many pixels each lies a quarter of a pixel beside the one that it is a part of.
+        for (pixel, share) in
+            [(2 * 16 + 8, 0.75 * 0.75), (2 * 16 + 10, 0.25 * 0.75), (4 * 16 + 9, 0.25 * 0.75)]
+        {
+            near(environment.radiance(picture_direction([16, 8], pixel)), 3.0 * share);
+        }
+        // Around the seam, and beyond the last row.
+        let mut picture = Image::constant([8, 4], [0.0; 3]);
+        picture.pixels[3 * 8 + 7] = [2.0; 3];
+        let environment = Environment::map(picture, 64)?;
+        near(environment.radiance(picture_direction([16, 8], 7 * 16)), 0.25 * 2.0);
+        near(environment.radiance(picture_direction([16, 8], 7 * 16 + 15)), 0.75 * 2.0);
+        near(Environment::map(Image::constant([1, 1], [4.0; 3]), 64)?.radiance(seen), 4.0);
         Ok(())
     }
 

@@ -18,8 +18,8 @@ pub struct VolumeScene {
     pub environment: Environment,
     /// The basis functions of an environment that is looked for.
     pub light_basis: Arc<LightBasis>,
-    /// Voxels of the cached light along each axis. Where it is none, suns have as many as the extinction, up to 128, and the
-    /// environment has half as many, from 16 to 64.
+    /// Voxels of the cached light along each axis. Where it is none, as many as the extinction, for suns up to 128 and for
+    /// the environment up to 64.
     pub light_size: Option<[usize; 3]>,
     /// Radiance that is seen where a ray leaves the volume and meets no surface; that of the environment where it is none.
     pub background: Option<Rgb>,

@@ -34,6 +34,14 @@ pub struct Hit {
     pub triangle: usize,
 }
 
+impl Hit {
+    /// The point that was hit, lifted off the surface by a ten-thousandth of how far it is from the eye: a tenth of a pixel as a rule,
+    /// whatever the unit of the scene is. Rays towards lights begin there.
+    pub(crate) fn lifted(&self, point: DVec3, distance: f64) -> DVec3 {
+        point + self.normal * (1e-4 * distance)
+    }
+}
+
 impl Geometry {
     /// The most triangles that one geometry holds.
     pub const MAX_TRIANGLES: usize = 1 << 28;

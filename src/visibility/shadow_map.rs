@@ -70,7 +70,9 @@ impl ShadowMap {
     ) -> Result<Self> {
         // A ray does not see what it starts on, so it starts before everything.
         let start = geometry.depths(frame).map_or(0.0, |[nearest, farthest]| {
-            nearest - 1e-3 * (farthest - nearest) - 1e-6 * nearest.abs() - 1e-6
+            let before = 1e-3 * (farthest - nearest) + 1e-6 * nearest.abs();
+            // All of it lies in the plane through the origin: any length will do.
+            nearest - if before > 0.0 { before } else { 1.0 }
         });
         let direction = frame.world_from_light(glam::DVec3::Z);
         let depths: Vec<f32> = (0..grid.len())

@@ -6,7 +6,6 @@ use glam::{DAffine3, DVec3};
 use unscatter::march::{InScattering, LitVolume, Quantity, VolumeTransport, VolumeTraversal};
 use unscatter::scene::{Interpolation, Quadrature, Ray, Samples, Volume, VoxelGrid};
 
-use crate::scenes::Numbers;
 use crate::tolerances::{VOLUME_CONSTANT, VOLUME_CUBIC, VOLUME_LIGHT};
 use crate::volumes::*;
 
@@ -34,27 +33,16 @@ fn worst<const C: usize>(traversal: &VolumeTraversal, truth: &VolumeTransport) -
     (0..traversal.rays().len()).map(error).fold(0.0, f64::max)
 }
 
-/// Light that is linear over more than a medium reaches: trilinear interpolation leaves it so.
-fn linear_light(n: &mut Numbers, channels: usize, along: Option<(DVec3, f64)>) -> LitVolume {
-    let cube = DAffine3::from_scale(DVec3::splat(16.0)) * DAffine3::from_translation(DVec3::splat(-0.5));
-    let grid = VoxelGrid::over_cube([5, 4, 3], cube).unwrap();
-    let slope = point(n, 0.05);
-    let samples = (0..grid.len())
-        .flat_map(|index| {
-            let value = 1.0 + slope.dot(grid.centre(grid.voxel(index)));
-            (1..=channels).map(move |c| (value * c as f64) as f32)
-        })
-        .collect();
-    LitVolume { along, radiance: Arc::new(Volume::new(grid, channels, Samples::F32(samples)).unwrap()) }
-}
-
 fn against_definitions<const C: usize>(basis: Interpolation, seed: u64, most: f64) {
     let mut n = numbers(seed);
     let medium = grid(&mut n, 12);
     let density = values(&mut n, medium, C, most);
-    let along = Some((n.direction(), -0.3));
-    let fields = vec![linear_light(&mut n, C, None), linear_light(&mut n, C, along)];
-    let light = Arc::new(InScattering::new(fields));
+    // One is cached where the medium is, as a job does it; the other lies elsewhere.
+    let mut lit =
+        |grid: VoxelGrid, along| LitVolume { along, radiance: Arc::new(values(&mut n, grid, C, 2.0)) };
+    let here = lit(medium, None);
+    let elsewhere = grid(&mut numbers(seed + 70), 7);
+    let light = Arc::new(InScattering::new(vec![here, lit(elsewhere, Some((DVec3::X, -0.3)))]));
     let transport = transport(density, basis);
     let rays = random_rays(&mut n, 9);
     for grid in [medium, grid(&mut n, 9)] {
@@ -122,6 +110,29 @@ fn the_comparison_notices_one_voxel_another_basis_and_a_shift() {
         let shifted = density.placed(VoxelGrid::new(medium.size(), moved).unwrap()).unwrap();
         assert!(worst::<1>(&traversal, &transport(shifted, basis)) > 2.0 * tolerance(basis));
     }
+}
+
+#[test]
+fn rows_have_weights_where_a_weight_is_not_zero() {
+    let mut counts = [0; 2];
+    for (seed, basis) in (1..20).flat_map(|seed| BOTH.map(|basis| (seed, basis))) {
+        let mut n = numbers(seed + 200);
+        let medium = grid(&mut n, 5);
+        let density = values(&mut n, medium, 1, 2.0);
+        let lit = values(&mut n, medium, 3, 1.0);
+        let light = InScattering::new(vec![LitVolume { along: None, radiance: Arc::new(lit) }]);
+        let rays = rows_along(&random_rays(&mut n, 40));
+        for quantity in [Quantity::Emission, Quantity::Albedo(light.into()), Quantity::Extinction] {
+            let parts = vec![part(quantity, medium, basis)];
+            let traversal = VolumeTraversal::new(transport(density.clone(), basis), rays.clone(), parts);
+            for row in 0..40 {
+                let has = dense::<3>(&traversal, row).iter().any(|weight| *weight != [0.0; 3]);
+                assert_eq!(traversal.has_weights(row), has, "{basis:?} {seed} {row}");
+                counts[usize::from(has)] += 1;
+            }
+        }
+    }
+    assert!(counts.iter().all(|&count| count > 300), "{counts:?}");
 }
 
 #[test]

@@ -13,11 +13,13 @@ mod card;
 mod circles;
 #[cfg(feature = "cli")]
 mod command;
+mod corpus;
 mod demo_scenes;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod job;
 mod layers;
+mod licences;
 mod mutation;
 mod operator;
 mod problems;

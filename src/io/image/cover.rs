@@ -9,7 +9,7 @@ use crate::scene::luminance;
 ///
 /// Errors: as [`super::read_image`], and [`crate::Error::Format`] when an alpha is outside [0, 1].
 pub(in crate::io) fn read_cover(path: &Path) -> Result<([usize; 2], Vec<u8>)> {
-    let picture = read_target(path)?;
+    let picture = read_target(path, None)?;
     let is_opaque = picture.pixels.iter().all(|pixel| pixel[3] >= 1.0);
     let cover = |&[r, g, b, alpha]: &[f32; 4]| {
         let cover = if is_opaque { srgb_from_linear(luminance([r, g, b])) } else { alpha };

@@ -14,6 +14,9 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use super::input;
 use super::whole::write_whole;
 use crate::scene::{Camera, Image, RgbaImage};
@@ -93,23 +96,34 @@ pub fn read_radiance(path: &Path) -> Result<Image> {
     read_image(path)
 }
 
+/// Whether the colours of a picture hold its alpha.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Association {
+    /// They are multiplied by it.
+    Associated,
+    /// They are not.
+    Straight,
+}
+
 /// Reads a painted layer from an EXR or PNG picture with alpha, which is the weight of the constraint.
 ///
-/// The alpha of an EXR is divided out of its colours; that of a PNG never was in them. Alpha that is outside [0, 1] by up to
+/// Associated alpha is divided out of the colours. Where `association` is none, that of an EXR is associated and that of a PNG straight, as
+/// these formats are defined. Alpha that is outside [0, 1] by up to
 /// 0.01, as filters of renderers leave it, becomes 0 or 1. Where it is too small to be divided by, it becomes 0. It is 0 too
 /// where the data window of an EXR leaves the display window open.
 ///
 /// Errors: as [`read_image`], and [`Error::Format`] when there is no alpha or it is further outside [0, 1].
-pub fn read_layer(path: &Path) -> Result<RgbaImage> {
-    read_weighted(path, Alpha::Needed)
+pub fn read_layer(path: &Path, association: Option<Association>) -> Result<RgbaImage> {
+    read_weighted(path, Alpha::Needed, association)
 }
 
 /// Reads a picture that a view should show, as [`read_layer`] does; where there is no alpha, all pixels weigh 1
 /// that are there.
 ///
 /// Errors: as [`read_image`], and [`Error::Format`] when an alpha is outside [0, 1] by more than 0.01.
-pub fn read_target(path: &Path) -> Result<RgbaImage> {
-    read_weighted(path, Alpha::Optional)
+pub fn read_target(path: &Path, association: Option<Association>) -> Result<RgbaImage> {
+    read_weighted(path, Alpha::Optional, association)
 }
 
 /// Whether a picture must have alpha.
@@ -119,15 +133,15 @@ enum Alpha {
     Optional,
 }
 
-fn read_weighted(path: &Path, alpha: Alpha) -> Result<RgbaImage> {
+fn read_weighted(path: &Path, alpha: Alpha, association: Option<Association>) -> Result<RgbaImage> {
     let source = PictureFile::open(path)?;
-    let (size, pixels) = match source.format {
+    let is_exr = source.format == PictureFormat::Exr;
+    let (size, mut pixels) = match source.format {
         PictureFormat::Exr => {
-            let (size, mut pixels) = openexr::read::<4>(path, source.file, source.bytes, alpha)?;
+            let (size, pixels) = openexr::read::<4>(path, source.file, source.bytes, alpha)?;
             // Before alpha is divided out, so that a bad alpha is not blamed on the colour.
             check_weights(path, size, &pixels)?;
             check_finite(path, size, &pixels)?;
-            pixels.iter_mut().for_each(divide_out_alpha);
             (size, pixels)
         }
         PictureFormat::Hdr if alpha == Alpha::Needed => {
@@ -137,6 +151,13 @@ fn read_weighted(path: &Path, alpha: Alpha) -> Result<RgbaImage> {
         PictureFormat::Hdr => radiance::read::<4>(path, source.file, source.bytes)?,
         _ => coded::read::<4>(path, source, alpha)?,
     };
+    match association {
+        Some(Association::Straight) => {
+            pixels.iter_mut().for_each(|[.., alpha]| *alpha = alpha.clamp(0.0, 1.0))
+        }
+        None if !is_exr => {}
+        Some(Association::Associated) | None => pixels.iter_mut().for_each(divide_out_alpha),
+    }
     check_finite(path, size, &pixels)?;
     RgbaImage::new(size, pixels)
 }

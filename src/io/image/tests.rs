@@ -162,20 +162,24 @@ fn alpha_is_divided_out_of_an_exr_and_was_never_in_a_png() {
     let [r, g, b, a] = channels;
     let bytes = exr_bytes(size, &[("R", r), ("G", g), ("B", b), ("A", a)], Encoding::SMALL_LOSSLESS);
     let path = folder.holding("a.exr", &bytes);
-    let layer = read_layer(&path).unwrap();
+    let layer = read_layer(&path, None).unwrap();
     for (got, expected) in layer.pixels[3].iter().zip([0.4, 0.8, 0.2, 0.25]) {
         assert!((got - expected).abs() < 1e-6);
     }
     assert_eq!(read_image(&path).unwrap().pixels[3], [0.1, 0.2, 0.05], "as radiance it is as it is");
+    let straight = read_target(&path, Some(Association::Straight)).unwrap();
+    assert_eq!(straight.pixels[3], [0.1, 0.2, 0.05, 0.25]);
 
     let png = ImageBuffer::from_pixel(2, 2, ::image::Rgba([255_u8, 0, 128, 51])).into();
-    let layer = read_layer(&folder.holding("a.png", &coded_bytes(png, ImageFormat::Png))).unwrap();
+    let layer = read_layer(&folder.holding("a.png", &coded_bytes(png, ImageFormat::Png)), None).unwrap();
     assert_eq!(layer.pixels[0], [1.0, 0.0, linear_from_srgb(128.0 / 255.0), 0.2]);
+    let associated = read_layer(&folder.file("a.png"), Some(Association::Associated)).unwrap();
+    assert_eq!(associated.pixels[0], [5.0, 0.0, linear_from_srgb(128.0 / 255.0) / 0.2, 0.2]);
     let png = ImageBuffer::from_pixel(2, 2, ::image::Rgba([65535_u16, 0, 1000, 13107])).into();
-    let layer = read_layer(&folder.holding("a.png", &coded_bytes(png, ImageFormat::Png))).unwrap();
+    let layer = read_layer(&folder.holding("a.png", &coded_bytes(png, ImageFormat::Png)), None).unwrap();
     assert_eq!(layer.pixels[0], [1.0, 0.0, linear_from_srgb(1000.0 / 65535.0), 0.2]);
     let png = ImageBuffer::from_pixel(2, 2, ::image::LumaA([255_u8, 102])).into();
-    let layer = read_layer(&folder.holding("a.png", &coded_bytes(png, ImageFormat::Png))).unwrap();
+    let layer = read_layer(&folder.holding("a.png", &coded_bytes(png, ImageFormat::Png)), None).unwrap();
     assert_eq!(layer.pixels[0], [1.0, 1.0, 1.0, 0.4]);
 }
 
@@ -187,17 +191,17 @@ fn a_layer_without_alpha_or_with_an_impossible_one_is_refused() {
     for (image, format) in [(rgb(), ImageFormat::Png), (rgb(), ImageFormat::Jpeg), (hdr, ImageFormat::Hdr)] {
         let path = folder.holding("a", &coded_bytes(image, format));
         assert!(read_image(&path).is_ok());
-        assert!(reason(read_layer(&path)).contains("alpha"));
+        assert!(reason(read_layer(&path, None)).contains("alpha"));
     }
     let size = [2, 2];
     let color = ["R", "G", "B"].map(|name| (name, constant(0.5, size)));
     let path = folder.holding("a", &exr_bytes(size, &color, Encoding::UNCOMPRESSED));
-    assert!(reason(read_layer(&path)).contains("alpha"));
+    assert!(reason(read_layer(&path, None)).contains("alpha"));
     for alpha in [-0.02, 1.02, f32::NAN] {
         let mut channels = color.to_vec();
         channels.push(("A", constant(alpha, size)));
         let path = folder.holding("a", &exr_bytes(size, &channels, Encoding::UNCOMPRESSED));
-        assert!(reason(read_layer(&path)).contains("pixel (0, 0)"), "{alpha}");
+        assert!(reason(read_layer(&path, None)).contains("pixel (0, 0)"), "{alpha}");
     }
 }
 
@@ -209,7 +213,7 @@ fn alpha_just_outside_its_range_or_too_small_to_divide_by_is_put_right() {
         let mut channels = ["R", "G", "B"].map(|name| (name, constant(color, size))).to_vec();
         channels.push(("A", constant(alpha, size)));
         let bytes = exr_bytes(size, &channels, Encoding::UNCOMPRESSED);
-        read_layer(&folder.holding("a", &bytes)).map(|layer| layer.pixels[0])
+        read_layer(&folder.holding("a", &bytes), None).map(|layer| layer.pixels[0])
     };
     assert_eq!(read(1.0, 0.5).unwrap(), [2.0, 2.0, 2.0, 0.5]);
     assert_eq!(read(1.0005, 1.0005).unwrap(), [1.0; 4]);
@@ -235,7 +239,7 @@ fn a_png_is_linear_where_it_says_so_to_the_last_bit() {
         assert_eq!(read_image(&path).unwrap().pixels[0], [f32::from(code) / 65535.0; 3]);
     }
     let path = folder.holding("a", &png(8, 4, &[linear], &[128, 128]));
-    assert_eq!(read_layer(&path).unwrap().pixels[0], [128.0 / 255.0; 4], "alpha has no curve");
+    assert_eq!(read_layer(&path, None).unwrap().pixels[0], [128.0 / 255.0; 4], "alpha has no curve");
 }
 
 #[test]
@@ -355,7 +359,7 @@ fn exr_files_of_other_programs_are_read() {
                 let expected = |i: usize| [ramp[i], f16::from_f32(ramp[i] / 4.0).to_f32(), 2.0];
                 for i in [0, 71, 2799] {
                     assert_eq!(read_image(&path).unwrap().pixels[i], expected(i));
-                    assert_eq!(read_layer(&path).unwrap().pixels[i][..3], expected(i));
+                    assert_eq!(read_layer(&path, None).unwrap().pixels[i][..3], expected(i));
                 }
             }
         }
@@ -452,7 +456,7 @@ fn the_data_window_is_put_in_its_place() {
     let channels = [("R", ramp.clone()), ("G", ramp.clone()), ("B", ramp), ("A", constant(1.0, size))];
     let display = IntegerBounds::new((10, 20), (4, 5));
     let bytes = placed_exr(size, &channels, Encoding::UNCOMPRESSED, [9, 23], display);
-    let layer = read_layer(&folder.holding("a", &bytes)).unwrap();
+    let layer = read_layer(&folder.holding("a", &bytes), None).unwrap();
     assert_eq!(layer.size(), [4, 5]);
     let weights: Vec<f32> = layer.pixels.iter().map(|p| p[3]).collect();
     let mut expected = [0.0; 20];
@@ -469,7 +473,7 @@ fn what_the_data_window_leaves_open_has_no_weight() {
     let channels = ["R", "G", "B"].map(|name| (name, constant(0.5, [2, 1])));
     let display = IntegerBounds::new((0, 0), (4, 2));
     let bytes = placed_exr([2, 1], &channels, Encoding::UNCOMPRESSED, [1, 1], display);
-    let target = read_target(&folder.holding("a", &bytes)).unwrap();
+    let target = read_target(&folder.holding("a", &bytes), None).unwrap();
     let open = [0.0; 4];
     let there = [0.5, 0.5, 0.5, 1.0];
     assert_eq!(target.pixels, [open, open, open, open, open, there, there, open]);
@@ -594,7 +598,7 @@ fn make_files() -> Vec<Vec<u8>> {
 /// Reads whatever this is; the answer may be a picture or an error, but nothing else.
 fn survive(folder: &Folder, bytes: &[u8]) {
     let path = folder.holding("damaged", bytes);
-    for error in [read_image(&path).err(), read_layer(&path).err()].into_iter().flatten() {
+    for error in [read_image(&path).err(), read_layer(&path, None).err()].into_iter().flatten() {
         assert!(matches!(error, Error::Format { .. }), "{error}");
     }
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use crate::io::gltf::{GltfCamera, GltfScene};
+use crate::io::image::Association;
 use crate::io::transforms::Shot;
 use crate::io::volume::Stored;
 use crate::io::{image, machine, obj, transforms, volume};
@@ -79,13 +80,23 @@ impl Assets {
     }
 
     /// A painted layer of a view of that size.
-    pub(super) fn layer(&self, file: &FileName, size: [usize; 2]) -> Built<RgbaImage> {
-        self.of_size("layer", file, size, image::read_layer)
+    pub(super) fn layer(
+        &self,
+        file: &FileName,
+        size: [usize; 2],
+        association: Option<Association>,
+    ) -> Built<RgbaImage> {
+        self.of_size("layer", file, size, |path| image::read_layer(path, association))
     }
 
     /// A picture that a view of that size should show, with the weights of its pixels: its alpha, or 1.
-    pub(super) fn target(&self, file: &FileName, size: [usize; 2]) -> Built<RgbaImage> {
-        self.of_size("picture", file, size, image::read_target)
+    pub(super) fn target(
+        &self,
+        file: &FileName,
+        size: [usize; 2],
+        association: Option<Association>,
+    ) -> Built<RgbaImage> {
+        self.of_size("picture", file, size, |path| image::read_target(path, association))
     }
 
     /// A picture without weights, for a view of that size.
@@ -135,7 +146,7 @@ impl Assets {
 
     /// The picture of a shot.
     pub(super) fn shot_picture(shot: &Shot) -> Result<RgbaImage> {
-        image::read_target(&shot.file)
+        image::read_target(&shot.file, None)
     }
 
     /// The mask of a shot, whose picture has that size.
@@ -191,8 +202,8 @@ mod tests {
         let assets = assets(&folder, "-Y 16000 +X 16384");
         let file = "sky.hdr".into();
         let read = [
-            assets.layer(&file, [8, 6]).err(),
-            assets.target(&file, [8, 6]).err(),
+            assets.layer(&file, [8, 6], None).err(),
+            assets.target(&file, [8, 6], None).err(),
             assets.image(&file, [8, 6]).err(),
         ];
         for (flaw, what) in read.into_iter().zip(["layer", "picture", "picture"]) {

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::io::image::Association;
 use crate::scene;
 
 use super::assets::Assets;
@@ -28,6 +29,10 @@ pub struct View {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(!skip_serializing_if)]
     pub layers: Vec<FileName>,
+    /// Whether the colours of `layers` are multiplied by their alpha: `associated` or `straight`. As their format has it
+    /// when not given: those of an EXR are, those of a PNG are not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub association: Option<Association>,
 }
 
 /// A camera: either `to_world` and `fov` or `lens`, or a camera of a glTF file.
@@ -160,7 +165,7 @@ const DEVICES: [&str; 6] = ["con", "prn", "aux", "nul", "com", "lpt"];
 impl View {
     pub(super) fn build(&self, assets: &mut Assets) -> Built<scene::View> {
         let camera = checked_camera(&self.name, &self.camera, assets)?;
-        painted(&self.name, camera, &self.strokes, &self.layers, assets)
+        painted(&self.name, camera, &self.strokes, (&self.layers, self.association), assets)
     }
 }
 
@@ -175,7 +180,7 @@ pub(super) fn painted(
     name: &str,
     camera: scene::Camera,
     strokes: &[Stroke],
-    layers: &[FileName],
+    (layers, association): (&[FileName], Option<Association>),
     assets: &Assets,
 ) -> Built<scene::View> {
     let size = camera.size();
@@ -183,7 +188,7 @@ pub(super) fn painted(
     let strokes = strokes.map(|(i, stroke)| stroke.build(size).at(&format!("strokes[{i}]")));
     let strokes = strokes.collect::<Built<Vec<_>>>()?;
     let layers = layers.iter().enumerate();
-    let layers = layers.map(|(i, file)| assets.layer(file, size).at(&format!("layers[{i}]")));
+    let layers = layers.map(|(i, file)| assets.layer(file, size, association).at(&format!("layers[{i}]")));
     Ok(scene::View { name: name.to_owned(), camera, strokes, layers: layers.collect::<Built<_>>()? })
 }
 

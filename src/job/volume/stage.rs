@@ -96,6 +96,6 @@ impl PropertySearch<'_> {
             let name = format!("{}{}_after", place.prefix, seen.view.name);
             folder.write_picture(&name, &renderer.picture(view)?, self.scene.exposure)?;
         }
-        folder.publish()
+        folder.publish_preview()
     }
 }

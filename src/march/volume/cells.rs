@@ -50,6 +50,16 @@ impl CellRay {
         std::array::from_fn(|axis| self.origin[axis] + self.slope[axis] * t)
     }
 
+    /// Where it meets the planes `first`, `first + 1`, … of an axis, in order; nowhere where it runs along them.
+    pub(super) fn planes(&self, axis: usize, first: f64, count: usize) -> impl Iterator<Item = f64> {
+        let (origin, inverse) = (self.origin[axis], self.inverse[axis]);
+        let count = if self.slope[axis] == 0.0 { 0 } else { count };
+        (0..count).map(move |index| {
+            let index = if inverse > 0.0 { index } else { count - 1 - index };
+            (first + index as f64 - origin) * inverse
+        })
+    }
+
     /// The part of [a, b] between `low` and `high` on every axis.
     pub(crate) fn clip(&self, low: f64, high: [f64; 3], a: f64, b: f64) -> Option<[f64; 2]> {
         self.clip_to([low; 3], high, a, b)

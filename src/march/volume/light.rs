@@ -3,7 +3,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::cells::{CellRay, Line};
-use crate::scene::{Volume, henyey_greenstein};
+use crate::scene::{Volume, VoxelGrid, henyey_greenstein};
 
 /// Light that arrives at the points of a volume and is scattered once towards the eye: per-light radiance, cached at the
 /// centres of voxels with its transmittance through the medium, trilinear between them.
@@ -61,6 +61,11 @@ pub(super) struct Towards<'a> {
 }
 
 impl Towards<'_> {
+    /// Where its values are.
+    pub(super) fn grid(&self) -> &VoxelGrid {
+        self.volume.grid()
+    }
+
     /// L_scat at t.
     #[inline]
     pub(super) fn at(&self, t: f64) -> [f64; 3] {

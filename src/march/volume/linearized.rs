@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::cells::{CellRay, Line};
+use super::cuts::Cuts;
 use super::light::Towards;
 use super::sink::merged;
 use super::window::{NearestVoxel, Trilinear, Visit, VoxelWindow};
@@ -165,9 +166,10 @@ impl LinearizedTraversal {
             let along = Along::new(&self.source, transport.basis, grid, line, [a, b]);
             let goes_on = cells.pieces(&self.cells, a, b, |cell, a, b| {
                 let depth = density.depth::<C>(cell, &cells, a, b);
-                let (length, mut from) = (b - a, 0.0);
-                for cut in along.cuts_inside(a, b).chain([b]) {
-                    let to = if cut == b { 1.0 } else { (cut - a) / length };
+                let length = b - a;
+                along.cuts.parts(a, b, |start, end| {
+                    let from = (start - a) / length;
+                    let to = if end == b { 1.0 } else { (end - a) / length };
                     let (before, after) = (depth.at(from), depth.at(to));
                     let slopes = [from, 0.5 * (from + to), to].map(|u| depth.slope(u));
                     let steepest = slopes.as_flattened().iter().copied().fold(0.0, f64::max) * (to - from);
@@ -193,8 +195,7 @@ impl LinearizedTraversal {
                         let [start, end] = [start, start + width].map(|u| a + u * length);
                         visit(&cells, &Panel { cell, start, end, nodes: GAUSS_4.map(node) });
                     }
-                    from = to;
-                }
+                });
                 let tau = depth.at(1.0);
                 (0..C).for_each(|c| strength[c] *= (-tau[c]).exp());
                 match strength.iter().any(|&left| left > bound) {
@@ -255,8 +256,8 @@ struct Along<'a> {
     emission: Option<Property<'a>>,
     /// Albedo, and the light that it scatters.
     scattered: Option<(Property<'a>, Vec<Towards<'a>>)>,
-    /// Where a property on a grid of its own goes from one cell to the next, in order.
-    cuts: Vec<f64>,
+    /// Where a property on a grid of its own, or light, goes from one cell to the next.
+    cuts: Cuts,
 }
 
 /// A volume along a line.
@@ -274,7 +275,7 @@ impl<'a> Along<'a> {
         line: &Line,
         ends: [f64; 2],
     ) -> Self {
-        let mut along = Self { constant: [0.0; 3], emission: None, scattered: None, cuts: Vec::new() };
+        let mut along = Self { constant: [0.0; 3], emission: None, scattered: None, cuts: Cuts::default() };
         let property =
             |volume: &'a Arc<Volume>| Property { volume, basis, ray: CellRay::new(line, volume.grid(), 0.0) };
         match source {
@@ -287,19 +288,14 @@ impl<'a> Along<'a> {
                     along.scattered = Some((property(albedo), light.along(line)));
                 }
                 let mine = along.emission.iter().chain(along.scattered.iter().map(|(albedo, _)| albedo));
-                for property in mine.filter(|property| property.volume.grid() != medium) {
-                    property.cuts(line, ends, &mut along.cuts);
-                }
-                along.cuts.sort_by(f64::total_cmp);
+                let properties = mine.map(|property| (property.volume.grid(), basis));
+                let light = along.scattered.iter().flat_map(|(_, light)| light);
+                let light = light.map(|source| (source.grid(), Interpolation::Trilinear));
+                let others = properties.chain(light).filter(|&other| other != (medium, basis));
+                along.cuts = Cuts::of(line, ends, others);
             }
         }
         along
-    }
-
-    /// Where the piece [a, b] is to be cut.
-    fn cuts_inside(&self, a: f64, b: f64) -> impl Iterator<Item = f64> {
-        let first = self.cuts.partition_point(|&cut| cut <= a);
-        self.cuts[first..].iter().copied().take_while(move |&cut| cut < b)
     }
 
     fn at(&self, t: f64) -> [f64; 3] {
@@ -331,19 +327,5 @@ impl Property<'_> {
             }
         };
         color.map(f64::from)
-    }
-
-    /// Adds where the line goes from one cell to the next.
-    fn cuts(&self, line: &Line, [a, b]: [f64; 2], cuts: &mut Vec<f64>) {
-        let grid = self.volume.grid();
-        let (shift, extra) = self.basis.cells();
-        let cells = CellRay::new(line, grid, shift);
-        let high = grid.size().map(|side| side as f64 + shift);
-        let last = grid.size().map(|side| side + extra - 1);
-        let Some([a, b]) = cells.clip(shift, high, a, b) else { return };
-        let _all_visited = cells.walk([0; 3], last, a, b, |_, _, end| {
-            cuts.push(end);
-            ControlFlow::Continue(())
-        });
     }
 }

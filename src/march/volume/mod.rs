@@ -1,6 +1,7 @@
 //! The traversal of view rays through volumes.
 
 mod cells;
+mod cuts;
 mod density;
 mod light;
 mod linearized;
@@ -19,6 +20,7 @@ pub use path::{PixelRays, Refraction};
 use super::{Traversal, Weight, exponential};
 use crate::scene::{Interpolation, Quadrature, Volume, VoxelGrid, VoxelSet};
 pub(crate) use cells::{CellRay, Line};
+use cuts::Cuts;
 use density::Depth;
 use sink::{LitSink, ScatteredSink, Sink, merged};
 use window::{NearestVoxel, Trilinear, Visit, VoxelWindow};
@@ -177,8 +179,22 @@ impl VolumeTraversal {
         tau.map(|tau| (-tau).exp())
     }
 
-    /// Whether a row may have a weight at all: whether it meets the brick of an element before its end.
-    pub fn meets_elements(&self, row: usize) -> bool {
+    /// Whether a row has a weight that is not zero. One has none where it meets no element before its end, and where there is no medium
+    /// or no light at those that it meets.
+    pub fn has_weights(&self, row: usize) -> bool {
+        if !self.meets_elements(row) {
+            return false;
+        }
+        let mut has = self.parts.iter().any(|part| matches!(part.quantity, Quantity::Extinction));
+        if !has {
+            let mut see = |_, weight: Weight<f64, 3>| has |= weight != [0.0; 3];
+            self.walk(row, &mut see);
+        }
+        has
+    }
+
+    /// Whether it meets the cell of an element before its end.
+    fn meets_elements(&self, row: usize) -> bool {
         let mut meets = false;
         self.each_line(row, |line, a, b| {
             meets = self.parts.iter().any(|part| {
@@ -277,11 +293,11 @@ impl VolumeTraversal {
                     in_light: CellRay::new(line, &part.grid, Trilinear::<C>::SHIFT),
                     in_albedo: CellRay::new(line, albedo.grid(), 0.0),
                     size: part.grid.size(),
-                    is_grey: self.transport.density.is_grey(),
                     window: &mut window,
                     visit,
                 };
-                self.attenuated::<C, W>((line, [a, b]), grid, &mut strength, sink)
+                let cuts = self.cuts((line, [a, b]), grid, std::iter::once(&part.grid));
+                self.attenuated::<C, W>((line, [a, b]), (grid, &cuts), &mut strength, sink)
             });
             window.finish(visit);
             return strength;
@@ -301,11 +317,25 @@ impl VolumeTraversal {
                 Quantity::Albedo(light) => Some(light.along(line)),
                 _ => None,
             };
+            let lit = light.iter().flatten().map(|source| source.grid());
+            let cuts = self.cuts((line, [a, b]), &part.grid, lit);
             let sink = LitSink { light: light.as_deref(), window: &mut window, visit };
-            self.attenuated::<C, W>((line, [a, b]), &part.grid, &mut strength, sink)
+            self.attenuated::<C, W>((line, [a, b]), (&part.grid, &cuts), &mut strength, sink)
         });
         window.finish(visit);
         strength
+    }
+
+    /// Where a line that is walked in the cells of `grid` is to be cut for light whose values are at the centres of others.
+    fn cuts<'a>(
+        &self,
+        (line, ends): (&Line, [f64; 2]),
+        grid: &VoxelGrid,
+        lit: impl Iterator<Item = &'a VoxelGrid>,
+    ) -> Cuts {
+        let is_walked = |other: &VoxelGrid| self.transport.basis == Interpolation::Trilinear && other == grid;
+        let others = lit.filter(|other| !is_walked(other));
+        Cuts::of(line, ends, others.map(|grid| (grid, Interpolation::Trilinear)))
     }
 
     /// Takes the samples of what is emitted or scattered along a line, in the cells of `grid`. Returns whether the ray goes on.
@@ -313,23 +343,23 @@ impl VolumeTraversal {
     fn attenuated<const C: usize, W: VoxelWindow<C>>(
         &self,
         stretch: (&Line, [f64; 2]),
-        grid: &VoxelGrid,
+        (grid, cuts): (&VoxelGrid, &Cuts),
         strength: &mut Weight<f64, C>,
         sink: impl Sink<C>,
     ) -> bool {
         match self.transport.quadrature {
-            Quadrature::Exact => self.integrate::<C, W>(stretch, grid, strength, sink),
+            Quadrature::Exact => self.integrate::<C, W>(stretch, (grid, cuts), strength, sink),
             Quadrature::March { steps } => self.march::<C, W>(stretch, steps, grid, strength, sink),
         }
         strength.iter().any(|&left| left > self.transport.transmittance_bound)
     }
 
-    /// Exact for emission; for what is scattered where light is linear along each piece in a cell, or cubic in trilinear cells.
+    /// Exact for emission, and for what is scattered of light that is cubic between its cuts.
     #[inline(always)]
     fn integrate<const C: usize, W: VoxelWindow<C>>(
         &self,
         (line, [a, b]): (&Line, [f64; 2]),
-        grid: &VoxelGrid,
+        (grid, cuts): (&VoxelGrid, &Cuts),
         strength: &mut Weight<f64, C>,
         mut sink: impl Sink<C>,
     ) {
@@ -345,7 +375,7 @@ impl VolumeTraversal {
             let entering = *strength;
             let tau = depth.at(1.0);
             let gone = super::basis::times(entering, tau.map(exponential::extinguished));
-            let mut piece = |cell: [usize; 3], start: f64, end: f64| {
+            let mut part = |cell: [usize; 3], start: f64, end: f64| {
                 let (from, to) = ((start - a) / (b - a), (end - a) / (b - a));
                 let before = depth.at(from);
                 let strength: Weight<f64, C> = match from {
@@ -355,7 +385,7 @@ impl VolumeTraversal {
                 if is_constant {
                     let tau = depth.slope(0.0).map(|slope| slope * (to - from));
                     let weight = super::basis::times(strength, tau.map(exponential::extinguished));
-                    sink.piece(cell, |c| start + (end - start) * exponential::mean_place(tau[c]), weight);
+                    sink.piece(cell, [start, end], tau, weight);
                 } else {
                     nodes(depth, from, to, |u, weight| {
                         let t = a + u * (b - a);
@@ -363,8 +393,11 @@ impl VolumeTraversal {
                     });
                 }
             };
-            if shared && is_constant {
-                sink.piece(cell, |c| a + (b - a) * exponential::mean_place(tau[c]), gone);
+            let mut piece = |cell: [usize; 3], start: f64, end: f64| {
+                cuts.parts(start, end, |start, end| part(cell, start, end));
+            };
+            if shared && is_constant && cuts.is_empty() {
+                sink.piece(cell, [a, b], tau, gone);
             } else if shared {
                 piece(cell, a, b);
             } else if let Some([start, end]) = cells.clip(W::SHIFT, high, a, b) {

@@ -2,6 +2,7 @@
 
 use super::super::Weight;
 use super::super::basis::{add, times};
+use super::super::exponential;
 use super::cells::CellRay;
 use super::light::Towards;
 use super::window::{Trilinear, Visit, VoxelWindow};
@@ -9,9 +10,9 @@ use crate::scene::{Interpolation, Volume};
 
 /// Takes the samples of a ray in order.
 pub(super) trait Sink<const C: usize> {
-    /// A piece in a cell in which all but light is constant. Light that is linear along the piece is taken, channel by channel, at
-    /// its `place`.
-    fn piece(&mut self, cell: [usize; 3], place: impl Fn(usize) -> f64, weight: Weight<f64, C>);
+    /// The piece [a, b] in a cell in which all but light is constant, and light a cubic: `tau` is its optical depth, `weight` what
+    /// is extinguished in it.
+    fn piece(&mut self, cell: [usize; 3], piece: [f64; 2], tau: Weight<f64, C>, weight: Weight<f64, C>);
 
     /// A node of a quadrature at t, at position `at` (in cells) inside `cell`.
     fn node(&mut self, cell: [usize; 3], at: [f64; 3], t: f64, weight: Weight<f64, C>);
@@ -26,12 +27,10 @@ pub(super) struct LitSink<'a, 'v, const C: usize, W> {
 
 impl<const C: usize, W: VoxelWindow<C>> Sink<C> for LitSink<'_, '_, C, W> {
     #[inline(always)]
-    fn piece(&mut self, cell: [usize; 3], place: impl Fn(usize) -> f64, weight: Weight<f64, C>) {
+    fn piece(&mut self, cell: [usize; 3], piece: [f64; 2], tau: Weight<f64, C>, weight: Weight<f64, C>) {
         let weight = match self.light {
             None => weight,
-            Some(light) => std::array::from_fn(|c| {
-                weight[c] * light.iter().map(|source| source.at(place(c))[c]).sum::<f64>()
-            }),
+            Some(light) => times(weight, mean(light, piece, tau)),
         };
         self.window.sample(cell, [0.0; 3], weight, self.visit);
     }
@@ -40,16 +39,49 @@ impl<const C: usize, W: VoxelWindow<C>> Sink<C> for LitSink<'_, '_, C, W> {
     fn node(&mut self, cell: [usize; 3], at: [f64; 3], t: f64, weight: Weight<f64, C>) {
         let weight = match self.light {
             None => weight,
-            Some(light) => {
-                let mut sum = [0.0; 3];
-                for source in light {
-                    let radiance = source.at(t);
-                    (0..3).for_each(|c| sum[c] += radiance[c]);
-                }
-                std::array::from_fn(|c| weight[c] * sum[c])
-            }
+            Some(light) => times(weight, sum(light, t)),
         };
         self.window.sample(cell, at, weight, self.visit);
+    }
+}
+
+/// What all sources scatter at t.
+#[inline(always)]
+fn sum<const C: usize>(light: &[Towards], t: f64) -> Weight<f64, C> {
+    let mut sum = [0.0; C];
+    for source in light {
+        let radiance = source.at(t);
+        (0..C).for_each(|c| sum[c] += radiance[c]);
+    }
+    sum
+}
+
+/// The mean of that over what is extinguished in a piece, where it is a cubic.
+#[inline(always)]
+fn mean<const C: usize>(light: &[Towards], piece: [f64; 2], tau: Weight<f64, C>) -> Weight<f64, C> {
+    let mut mean = [0.0; C];
+    nodes(piece, tau, |t, share| {
+        let at_node: Weight<f64, C> = sum(light, t);
+        (0..C).for_each(|c| mean[c] += share[c] * at_node[c]);
+    });
+    mean
+}
+
+/// Visits places in a piece, each with its share of what is extinguished there a channel. Exact for cubics.
+#[inline(always)]
+fn nodes<const C: usize>([a, b]: [f64; 2], tau: Weight<f64, C>, mut visit: impl FnMut(f64, Weight<f64, C>)) {
+    if tau.iter().all(|&other| other == tau[0]) {
+        for [u, share] in exponential::gauss_2(tau[0]) {
+            visit(a + u * (b - a), [share; C]);
+        }
+        return;
+    }
+    for c in 0..C {
+        for [u, share] in exponential::gauss_2(tau[c]) {
+            let mut mine = [0.0; C];
+            mine[c] = share;
+            visit(a + u * (b - a), mine);
+        }
     }
 }
 
@@ -64,8 +96,6 @@ pub(super) struct ScatteredSink<'a, 'v, const C: usize> {
     pub(super) in_albedo: CellRay,
     /// Voxels of the light.
     pub(super) size: [usize; 3],
-    /// Whether all channels are sampled at one place.
-    pub(super) is_grey: bool,
     pub(super) window: &'a mut Trilinear<C>,
     pub(super) visit: &'a mut Visit<'v, C>,
 }
@@ -91,16 +121,9 @@ impl<const C: usize> ScatteredSink<'_, '_, C> {
 
 impl<const C: usize> Sink<C> for ScatteredSink<'_, '_, C> {
     #[inline(always)]
-    fn piece(&mut self, cell: [usize; 3], place: impl Fn(usize) -> f64, weight: Weight<f64, C>) {
+    fn piece(&mut self, cell: [usize; 3], piece: [f64; 2], tau: Weight<f64, C>, weight: Weight<f64, C>) {
         let weight = times(weight, self.albedo_of(cell));
-        if self.is_grey {
-            return self.sample(place(0), weight);
-        }
-        for c in 0..C {
-            let mut mine = [0.0; C];
-            mine[c] = weight[c];
-            self.sample(place(c), mine);
-        }
+        nodes(piece, tau, |t, share| self.sample(t, times(weight, share)));
     }
 
     #[inline(always)]

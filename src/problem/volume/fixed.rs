@@ -92,7 +92,7 @@ impl<'a> Fixed<'a> {
     ) -> PixelRow {
         let wanted = [r, g, b];
         let sees_lights = || seen.is_some_and(|seen| seen.sees(row));
-        if !traversal.meets_elements(row) && !sees_lights() {
+        if !traversal.has_weights(row) && !sees_lights() {
             return PixelRow::Beside;
         }
         let behind = match self.find {

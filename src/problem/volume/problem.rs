@@ -543,7 +543,8 @@ pub(super) fn nothing_to_solve(find: Find, left_out: &LeftOut) -> Error {
                  extinction explains them",
                 left_out.without_logarithm
             ),
-            remedy: "check extinction.medium_radiance and the background",
+            remedy: "set `background` to what is seen past the medium (black unless said), or \
+                     extinction.medium_radiance to what a thick part of it shows",
         };
     }
     Error::Empty {

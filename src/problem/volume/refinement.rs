@@ -28,7 +28,7 @@ impl VolumeProblem {
         let rays = rays.until(lengths.into());
         let all = VolumeTraversal::new(optics.transport(scene, medium), rays, searched.parts.clone());
         let meeting: Vec<usize> =
-            (0..pixels.len()).into_par_iter().filter(|&row| all.meets_elements(row)).collect();
+            (0..pixels.len()).into_par_iter().filter(|&row| all.has_weights(row)).collect();
         let left_out = LeftOut { unwanted, beside: pixels.len() - meeting.len(), ..LeftOut::default() };
         if meeting.is_empty() {
             return Err(nothing_to_solve(Find::Refinement, &left_out));

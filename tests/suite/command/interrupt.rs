@@ -22,7 +22,7 @@ fn under_way(desk: &Desk) -> Child {
         .spawn()
         .unwrap();
     let begun = Instant::now();
-    while !desk.path("out/right_after.png").is_file() {
+    while !desk.path("out/preview/right_after.png").is_file() {
         assert!(begun.elapsed() < PATIENCE, "no preview appears");
         sleep(Duration::from_millis(5));
     }

@@ -4,6 +4,7 @@ mod bad_input;
 mod bench;
 #[cfg(feature = "gpu")]
 mod driver;
+mod faults;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod interrupt;
@@ -12,6 +13,7 @@ mod matrix;
 mod nothing_lost;
 mod other_commands;
 mod pictures;
+mod pipes;
 mod resolved;
 mod skipping;
 mod solving;
@@ -89,11 +91,11 @@ impl Desk {
     }
 }
 
-/// All files of a folder by name; none where there is no such folder.
+/// All files of a folder by name, but for what says which of them are results; none where there is no such folder.
 pub fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let entries = fs::read_dir(folder).into_iter().flatten().map(|entry| entry.unwrap());
     let mut files: Vec<_> = entries
-        .filter(|entry| entry.path().is_file())
+        .filter(|entry| entry.path().is_file() && entry.file_name() != ".unscatter-results")
         .map(|entry| (entry.file_name().into_string().unwrap(), fs::read(entry.path()).unwrap()))
         .collect();
     files.sort();

@@ -245,21 +245,3 @@ fn wrong_usage_exits_with_2_and_writes_nothing() {
     assert_eq!(desk.names("."), ["scene.json"]);
     assert!(!desk.path("out").exists());
 }
-
-/// `unscatter plan … | head -1` is no failure.
-#[test]
-fn a_reader_that_goes_away_is_no_failure() {
-    let desk = Desk::new();
-    for arguments in [&["plan", "scene.json"][..], &["schema"]] {
-        let mut child = std::process::Command::new(crate::program())
-            .current_dir(desk.path("."))
-            .args(arguments)
-            .stdout(std::process::Stdio::piped())
-            .stderr(std::process::Stdio::piped())
-            .spawn()
-            .unwrap();
-        drop(child.stdout.take());
-        let output = child.wait_with_output().unwrap();
-        super::Ran::of(arguments, &output).exits_with(0);
-    }
-}

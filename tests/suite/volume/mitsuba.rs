@@ -42,7 +42,7 @@ fn medium(case: &Case, albedo: f64) -> VolumeMedium {
     }
 }
 
-/// Light is cached twice as finely as the medium, for it falls by a factor inside a voxel.
+/// Light is cached three times as finely as the medium, for it falls by a factor inside a voxel.
 fn scene(case: &Case) -> VolumeScene {
     let eye = look_at(DVec3::new(2.6, 1.2, 3.4), DVec3::ZERO, DVec3::Y).unwrap();
     let camera = Camera::new(eye, 40.0, FovAxis::X, [48; 2]).unwrap();
@@ -53,7 +53,7 @@ fn scene(case: &Case) -> VolumeScene {
         let sun = DirectionalLight::new(DVec3::new(0.3, -1.0, -0.4), [2.0, 2.0, 1.5]).unwrap();
         scene.lights.push(sun);
     }
-    scene.light_size = Some([48; 3]);
+    scene.light_size = Some([72; 3]);
     scene
 }
 

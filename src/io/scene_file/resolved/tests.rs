@@ -24,6 +24,8 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     ("PlaneShape", &["to_world"]),
     ("SphereShape", &["to_world"]),
     ("CylinderShape", &["to_world"]),
+    // As the format of a picture has it.
+    ("View", &["association"]),
     // Either the one or the others.
     ("Camera", &["to_world", "fov", "fov_axis", "lens", "gltf"]),
     ("Transform", &["matrix", "look_at", "translate", "rotate", "scale"]),
@@ -45,8 +47,8 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     ("Refraction", &["step"]),
     // No bound.
     ("Range", &["upper"]),
-    ("VolumeView", &["picture", "weight", "mask", "background"]),
-    ("KeyView", &["picture", "weight", "mask"]),
+    ("VolumeView", &["association", "picture", "weight", "mask", "background"]),
+    ("KeyView", &["association", "picture", "weight", "mask"]),
     // Those of the volume.
     ("Key", &["extinction", "albedo", "emission"]),
     // Where there are numbered files.

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::field::{Field, FieldSource};
 use super::properties::Volume;
 use super::view::{KEEP, Wanted};
+use crate::io::image::Association;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, within};
@@ -95,6 +96,10 @@ pub struct KeyView {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(!skip_serializing_if)]
     pub layers: Vec<FileName>,
+    /// Whether the colours of `picture` and `layers` are multiplied by their alpha: `associated` or `straight`. As their format has it
+    /// when not given: those of an EXR are, those of a PNG are not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub association: Option<Association>,
     /// Weight with which unpainted pixels stay as they are; 1 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep: Option<f64>,
@@ -190,6 +195,7 @@ impl KeyView {
             mask: self.mask.as_ref(),
             strokes: &self.strokes,
             layers: &self.layers,
+            association: self.association,
             keep: self.keep,
         }
     }

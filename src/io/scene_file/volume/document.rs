@@ -52,8 +52,8 @@ pub struct VolumeDocument {
     /// Light from everywhere; none when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub environment: Option<Environment>,
-    /// Voxels of the cached light along each axis: N, or [x, y, z]. When not given, as many as the extinction has for suns (at
-    /// most 128), and half as many for the environment (from 16 to 64).
+    /// Voxels of the cached light along each axis: N, or [x, y, z]. When not given, as many as the extinction has, at most
+    /// 128 for suns and 64 for the environment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_size: Option<GridSize>,
     /// Radiance behind the volume; the environment when not given.

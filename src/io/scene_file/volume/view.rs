@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::io::image::Association;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
@@ -18,7 +19,7 @@ pub struct VolumeView {
     /// Where it looks from, and the size of its picture.
     pub camera: Camera,
     /// What the picture should show: radiance from an EXR, HDR or PNG picture of the view's size, relative to the scene
-    /// file; alpha, where there is any, is the weight of a pixel. The colours of an EXR are divided by it.
+    /// file; alpha, where there is any, is the weight of a pixel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<FileName>,
     /// Weights of the picture's pixels, times its alpha: the luminance of a picture of the view's size, from 0 to 1.
@@ -39,6 +40,10 @@ pub struct VolumeView {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(!skip_serializing_if)]
     pub layers: Vec<FileName>,
+    /// Whether the colours of `picture` and `layers` are multiplied by their alpha: `associated` or `straight`. As their format has it
+    /// when not given: those of an EXR are, those of a PNG are not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub association: Option<Association>,
     /// Weight with which pixels that nothing is painted on stay as they are, from 0 to 1, where something is painted on the
     /// view and it has no `picture`; 1 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -60,6 +65,7 @@ impl VolumeView {
             background: None,
             strokes: Vec::new(),
             layers: Vec::new(),
+            association: None,
             keep: None,
         }
     }
@@ -79,6 +85,7 @@ impl VolumeView {
             mask: self.mask.as_ref(),
             strokes: &self.strokes,
             layers: &self.layers,
+            association: self.association,
             keep: self.keep,
         };
         let view = wanted.build(&self.name, camera, assets)?;
@@ -94,6 +101,7 @@ pub(super) struct Wanted<'a> {
     pub(super) mask: Option<&'a FileName>,
     pub(super) strokes: &'a [Stroke],
     pub(super) layers: &'a [FileName],
+    pub(super) association: Option<Association>,
     pub(super) keep: Option<f64>,
 }
 
@@ -106,9 +114,10 @@ impl Wanted<'_> {
         assets: &mut Assets,
     ) -> Built<scene::VolumeView> {
         let size = camera.size();
-        let view = painted(name, camera, self.strokes, self.layers, assets)?;
+        let view = painted(name, camera, self.strokes, (self.layers, self.association), assets)?;
         let keep = checked("keep", self.keep.unwrap_or(KEEP), "from 0 to 1", |k| (0.0..=1.0).contains(&k))?;
-        let picture = self.picture.map(|file| assets.target(file, size)).transpose().at("picture")?;
+        let picture = self.picture.map(|file| assets.target(file, size, self.association));
+        let picture = picture.transpose().at("picture")?;
         let picture = match (picture, self.weight) {
             (Some(picture), Some(file)) => Some(weighted(picture, file, assets).at("weight")?),
             (None, Some(_)) => {

@@ -267,7 +267,7 @@ fn ctrl_c_writes_the_keys_that_there_are_and_resume_goes_on() {
         .spawn()
         .unwrap();
     let begun = std::time::Instant::now();
-    while !desk.path("out/key_0000_front_after.png").is_file() {
+    while !desk.path("out/preview/key_0000_front_after.png").is_file() {
         assert!(begun.elapsed() < crate::command::PATIENCE, "no preview appears");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }

@@ -1,0 +1,2 @@
+#![no_main]
+unscatter_fuzz::target!("gltf");
