@@ -1,7 +1,7 @@
 //! NumPy arrays: `.npy` in and out, and SciPy's sparse matrices out.
 
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use num_traits::ToBytes;
@@ -130,21 +130,61 @@ fn write_header(writer: &mut (impl Write + ?Sized), dtype: &str, shape: &[usize]
 }
 
 /// An archive on its way into a file.
-pub(super) type Archive<'f, 'g> = ZipWriter<&'f mut BufWriter<&'g File>>;
+pub(super) type Archive<'f, 'g> = ZipWriter<Enduring<'f, 'g>>;
 
 /// Writes an archive with the members that `write` puts into it.
 pub(super) fn write_archive<'f, 'g>(
     file: &'f mut BufWriter<&'g File>,
     write: impl FnOnce(&mut Archive<'f, 'g>) -> io::Result<()>,
 ) -> io::Result<()> {
-    let mut archive = ZipWriter::new(file);
-    match write(&mut archive) {
-        Ok(()) => archive.finish().map(drop).map_err(io::Error::from),
-        Err(error) => {
-            // Dropped unfinished it would try again to finish, and print what it then meets.
-            std::mem::forget(archive);
-            Err(error)
+    let mut archive = ZipWriter::new(Enduring { file, failure: None, at: 0, end: 0 });
+    write(&mut archive)?;
+    archive.finish()?.failure.map_or(Ok(()), Err)
+}
+
+/// A file that takes everything, and says at the end what has failed: an archive does not bear it in between.
+pub(super) struct Enduring<'f, 'g> {
+    file: &'f mut BufWriter<&'g File>,
+    failure: Option<io::Error>,
+    at: u64,
+    end: u64,
+}
+
+impl Enduring<'_, '_> {
+    fn attempt(&mut self, act: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>) {
+        if self.failure.is_none() {
+            self.failure = act(self.file).err();
         }
+    }
+}
+
+impl Write for Enduring<'_, '_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.attempt(|file| file.write_all(bytes));
+        self.at += bytes.len() as u64;
+        self.end = self.end.max(self.at);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.attempt(|file| file.flush());
+        Ok(())
+    }
+}
+
+impl Seek for Enduring<'_, '_> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let at = match to {
+            SeekFrom::Start(at) => Some(at),
+            SeekFrom::End(by) => self.end.checked_add_signed(by),
+            SeekFrom::Current(by) => self.at.checked_add_signed(by),
+        };
+        let at = at.ok_or(io::ErrorKind::InvalidInput)?;
+        if at != self.at {
+            self.at = at;
+            self.attempt(|file| file.seek(SeekFrom::Start(at)).map(drop));
+        }
+        Ok(at)
     }
 }
 

@@ -46,10 +46,12 @@ impl Faults {
     }
 }
 
-/// The results, without what has seconds in it.
+/// The results, without what has seconds in it and what is tidied up.
 fn results(desk: &Desk) -> Vec<(String, Vec<u8>)> {
     let mut files = desk.files("out");
-    files.retain(|(name, _)| !name.starts_with("report.") && name != "checkpoint");
+    let is_other =
+        |name: &str| ["report.", "checkpoint", ".unscatter-"].iter().any(|begin| name.starts_with(begin));
+    files.retain(|(name, _)| !is_other(name));
     files
 }
 
