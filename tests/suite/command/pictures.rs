@@ -50,3 +50,56 @@ pub fn write_rgba_exr(
     })
     .unwrap();
 }
+
+/// A scene in another unit looks the same: shadow rays, maps and fog know no metre.
+#[test]
+fn a_scene_looks_the_same_in_every_unit() {
+    let hall = super::scene();
+    let lengths = ["center", "sides", "origin", "target"];
+    fn scaled(value: &serde_json::Value, by: f64) -> serde_json::Value {
+        match value {
+            serde_json::Value::Array(values) => values.iter().map(|value| scaled(value, by)).collect(),
+            number => (number.as_f64().unwrap() * by).into(),
+        }
+    }
+    let in_unit = |by: f64| {
+        let mut scene = hall.clone();
+        for occluder in scene["occluders"].as_array_mut().unwrap() {
+            for (kind, shape) in occluder.as_object_mut().unwrap() {
+                for (key, value) in shape.as_object_mut().unwrap() {
+                    if lengths.contains(&key.as_str()) || kind == "box" && key == "size" {
+                        *value = scaled(value, by);
+                    }
+                }
+            }
+        }
+        for view in scene["views"].as_array_mut().unwrap() {
+            let look_at = view["camera"]["to_world"]["look_at"].as_object_mut().unwrap();
+            for key in ["origin", "target"] {
+                look_at[key] = scaled(&look_at[key], by);
+            }
+        }
+        let sigma_t = scene["medium"]["sigma_t"].as_f64().unwrap();
+        scene["medium"]["sigma_t"] = (sigma_t / by).into();
+        // What reflects shows where shadow rays begin.
+        scene["ambient"] = 0.2.into();
+        scene
+    };
+    let pixels = |by: f64| {
+        let desk = super::Desk::with(&in_unit(by));
+        desk.done(&["render", "scene.json", "-q", "-o", "out"]);
+        ["left", "right"].map(|view| exr(&desk.path(&format!("out/{view}.exr"))).1)
+    };
+    let metres = pixels(1.0);
+    // A power of two changes no bit but the exponents.
+    for by in [2.0_f64.powi(-20), 2.0_f64.powi(10)] {
+        for (here, there) in metres.iter().zip(pixels(by)) {
+            let differing = here
+                .iter()
+                .zip(&there)
+                .filter(|(a, b)| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-6 * a[c]))
+                .count();
+            assert_eq!(differing, 0, "of {} pixels, by {by}", here.len());
+        }
+    }
+}
