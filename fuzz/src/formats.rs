@@ -9,6 +9,9 @@ use unscatter::{Error, Result};
 /// Of the checkpoints in the corpus.
 pub const FINGERPRINT: u64 = 0x0123_4567_89ab_cdef;
 
+/// Triangles of a mesh at most.
+const TRIANGLES: usize = 1_000_000;
+
 /// Bytes of a volume at most.
 const VOLUME: u64 = 64 << 20;
 
@@ -31,10 +34,10 @@ pub const FORMATS: &[Format] = &[
     row("gltf", "a.gltf", gltf),
     row("hdr", "a.hdr", picture),
     row("jpeg", "a.jpg", picture),
-    row("mtl", "a.mtl", |path| obj::load(&path.with_extension("obj")).map(drop)),
+    row("mtl", "a.mtl", |path| obj::load(&path.with_extension("obj"), TRIANGLES).map(drop)),
     row("npy", "a.npy", |path| npy::read_f32(path).map(drop).or(grids(path))),
     row("npz", "a.npz", grids),
-    row("obj", "a.obj", |path| obj::load(path).map(drop)),
+    row("obj", "a.obj", |path| obj::load(path, TRIANGLES).map(drop)),
     row("png", "a.png", picture),
     row("raw", "a.json", grids),
     row("scene", "a.json", |path| scene_file::load(path, &[MEMORY.into()]).map(drop)),
@@ -71,7 +74,7 @@ fn grids(path: &Path) -> Result<()> {
 fn gltf(path: &Path) -> Result<()> {
     let scene = GltfScene::load(path)?;
     let (_sun, _camera) = (scene.sun(None), scene.camera("Camera"));
-    scene.mesh(None, 1_000_000).map(drop)
+    scene.mesh(None, TRIANGLES).map(drop)
 }
 
 /// Reads bytes as one format, in a folder of its own.

@@ -31,9 +31,9 @@ const FARTHEST: f64 = 1e100;
 /// is the same object.
 ///
 /// Errors: [`Error::File`] where the file cannot be read, [`Error::Format`] where it is broken or has no
-/// triangles, [`Error::TooLarge`] beyond 4 GiB, and those of a picture that is there and cannot be read.
-pub fn load(path: &Path) -> Result<Mesh> {
-    let (mesh, warnings) = read(path, &input::bytes(path, MAX_FILE, "split the scene")?)?;
+/// triangles, [`Error::TooLarge`] beyond 4 GiB or `most_triangles`, and those of a picture that is there and cannot be read.
+pub fn load(path: &Path, most_triangles: usize) -> Result<Mesh> {
+    let (mesh, warnings) = read(path, &input::bytes(path, MAX_FILE, "split the scene")?, most_triangles)?;
     for warning in warnings {
         tracing::warn!("{}: {warning}", path.display());
     }
@@ -41,8 +41,8 @@ pub fn load(path: &Path) -> Result<Mesh> {
 }
 
 /// The triangles of a file with these bytes, and what was left out.
-fn read(path: &Path, bytes: &[u8]) -> Result<(Mesh, Vec<String>)> {
-    let mut reader = Reader::new(path);
+fn read(path: &Path, bytes: &[u8], most_triangles: usize) -> Result<(Mesh, Vec<String>)> {
+    let mut reader = Reader::new(path, most_triangles);
     for statement in Statements::new(bytes).map_err(|reason| reader.broken(reason.into()))? {
         reader.add(&statement)?;
     }
@@ -54,6 +54,7 @@ type Corner = [u32; 2];
 
 struct Reader<'a> {
     path: &'a Path,
+    most_triangles: usize,
     positions: Vec<DVec3>,
     coordinates: Vec<[f32; 2]>,
     normals: usize,
@@ -75,9 +76,10 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn new(path: &'a Path) -> Self {
+    fn new(path: &'a Path, most_triangles: usize) -> Self {
         Self {
             path,
+            most_triangles,
             positions: Vec::new(),
             coordinates: Vec::new(),
             normals: 0,
@@ -182,6 +184,14 @@ impl<'a> Reader<'a> {
         };
         if u32::try_from(self.mesh.positions.len() + corners.len()).is_err() {
             return Err(self.broken("it has too many vertices; split it".into()));
+        }
+        if self.mesh.triangles.len() + triangles.len() > self.most_triangles {
+            return Err(Error::TooLarge {
+                what: self.path.display().to_string(),
+                needed: format!("more than {} triangles", self.most_triangles),
+                limit: self.most_triangles.to_string(),
+                remedy: "simplify the scene, or raise solve.memory",
+            });
         }
         let vertices: Vec<u32> = corners.into_iter().map(|corner| self.vertex(corner)).collect();
         let object = self.object();

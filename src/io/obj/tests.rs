@@ -6,7 +6,7 @@ use super::*;
 use crate::scene::{Image, Wrap};
 
 fn of(text: &str) -> Result<(Mesh, Vec<String>)> {
-    read(Path::new("/no/such/folder/scene.obj"), text.as_bytes())
+    read(Path::new("/no/such/folder/scene.obj"), text.as_bytes(), usize::MAX)
 }
 
 /// Reads a file beside others.
@@ -17,7 +17,7 @@ fn beside(text: &str, others: &[(&str, &[u8])]) -> Result<(Mesh, Vec<String>)> {
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, bytes).unwrap();
     }
-    read(&folder.path().join("scene.obj"), text.as_bytes())
+    read(&folder.path().join("scene.obj"), text.as_bytes(), usize::MAX)
 }
 
 fn with_materials(text: &str, materials: &str) -> Mesh {
@@ -110,7 +110,7 @@ fn comments_continued_lines_marks_and_line_ends_change_nothing() {
         assert_eq!((&mesh.positions, &mesh.triangles), (&plain.positions, &plain.triangles), "{text}");
         assert!(warnings.is_empty(), "{warnings:?}");
     }
-    assert!(matches!(read(Path::new("a.obj"), b"\xff\xfev\0"), Err(Error::Format { reason, .. })
+    assert!(matches!(read(Path::new("a.obj"), b"\xff\xfev\0", usize::MAX), Err(Error::Format { reason, .. })
         if reason.contains("UTF-16")));
 }
 
@@ -241,8 +241,8 @@ fn a_fault_is_named_with_its_line_and_what_there_is() {
     }
     // Coordinates that are not there at all are left out.
     assert!(of(&format!("{CORNERS}f 1/1/1 2/2/2 3/3/3\n")).is_ok());
-    assert!(matches!(load(Path::new("/no/such/file.obj")), Err(Error::File { .. })));
-    assert!(matches!(load(&std::env::temp_dir()), Err(Error::File { .. })));
+    assert!(matches!(load(Path::new("/no/such/file.obj"), usize::MAX), Err(Error::File { .. })));
+    assert!(matches!(load(&std::env::temp_dir(), usize::MAX), Err(Error::File { .. })));
 }
 
 #[test]
@@ -371,7 +371,15 @@ fn damaged_bytes_never_panic() {
             let at = (seed >> 33) as usize % damaged.len();
             damaged[at] = b"0123456789-/ \nfv.e\\#"[(seed >> 20) as usize % 20];
         }
-        let _ = read(Path::new("/no/such/folder/scene.obj"), &damaged);
+        let _ = read(Path::new("/no/such/folder/scene.obj"), &damaged, usize::MAX);
         let _ = mtl::parse(&damaged, Path::new("/no/such/folder"));
     }
+}
+
+#[test]
+fn triangles_are_counted_before_they_are_too_many() {
+    let text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nf 1 2 3\n";
+    assert_eq!(read(Path::new("a.obj"), text, 3).unwrap().0.triangles.len(), 3);
+    let error = read(Path::new("a.obj"), text, 2).unwrap_err();
+    assert!(matches!(&error, Error::TooLarge { what, .. } if what == "a.obj"), "{error}");
 }

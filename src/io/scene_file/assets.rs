@@ -70,13 +70,17 @@ impl Assets {
 
     /// Triangles of a glTF node and everything below it.
     pub(super) fn gltf_mesh(&mut self, gltf: &GltfNode) -> Result<Mesh> {
-        let most = (self.budget / TRIANGLE) as usize;
+        let most = self.most_triangles();
         self.scene(&gltf.file)?.mesh(gltf.node.as_deref(), most)
     }
 
     /// Triangles of an OBJ file.
     pub(super) fn obj_mesh(&self, file: &FileName) -> Result<Mesh> {
-        obj::load(&self.path(file)?)
+        obj::load(&self.path(file)?, self.most_triangles())
+    }
+
+    fn most_triangles(&self) -> usize {
+        (self.budget / TRIANGLE) as usize
     }
 
     /// A painted layer of a view of that size.
