@@ -24,7 +24,7 @@ cat >hall.json <<'S'
  "views": [{"name": "hall", "camera": {"to_world": {"look_at": {"origin": [1.5, 1.7, 9.5], "target": [0.5, 2.6, 0]}}, "fov": 55,
                                        "size": [240, 160]},
             "strokes": [{"points": [[130, 82], [142, 102]], "radius": 24, "color": "#ff8020"}]}],
- "light_map": {"size": 64}, "solve": {"tolerance": 0, "iterations": 1500}}
+ "light_map": {"size": 64}, "solve": {"tolerance": 0, "iterations": 150}}
 S
 cat >cloud.json <<'S'
 {"version": 1, "find": "joint", "environment": {"radiance": 1}, "lights": [{"direction": [-1, -1, -0.5], "radiance": 3}],

@@ -25,7 +25,6 @@ pub(crate) struct Folder {
     /// Whose results are written, where that is known.
     owner: Option<Owner>,
     written: Mutex<BTreeSet<String>>,
-    previewed: Mutex<BTreeSet<String>>,
     /// Until the run is over.
     _lock: Lock,
 }
@@ -48,6 +47,22 @@ fn sweep(folder: &Path) {
     }
 }
 
+/// Removes the previews in a folder, and nothing that somebody else has put beside them.
+fn remove_previews(folder: &Path) {
+    let previews = folder.join(PREVIEW);
+    let Some(held) = Held::of(&previews) else { return };
+    for name in held.names().filter(|name| is_name(name)) {
+        _ = fs::remove_file(previews.join(name));
+    }
+    _ = fs::remove_file(previews.join(HELD));
+    _ = fs::remove_dir(previews);
+}
+
+/// Whether it leads out of no folder.
+fn is_name(name: &str) -> bool {
+    Path::new(name).file_name().is_some_and(|file| file == name)
+}
+
 /// Moves results that are whole out of the folder that they were made in, removes those that they replace, and says what there is now. Does
 /// nothing where they are not whole.
 fn settle(folder: &Path, making: &Path) -> Result<()> {
@@ -55,11 +70,7 @@ fn settle(folder: &Path, making: &Path) -> Result<()> {
     for name in names(making)?.into_iter().filter(|name| name != HELD) {
         rename(&making.join(&name), &folder.join(name))?;
     }
-    for name in held
-        .obsolete
-        .iter()
-        .filter(|name| Path::new(name).file_name().is_some_and(|file| file == name.as_str()))
-    {
+    for name in held.obsolete.iter().filter(|name| is_name(name)) {
         _ = fs::remove_file(folder.join(name));
     }
     rename(&making.join(HELD), &folder.join(HELD))?;
@@ -100,10 +111,10 @@ impl Folder {
         fs::create_dir_all(&path).map_err(failed("create the folder", &path))?;
         let lock = Lock::of(&path)?;
         sweep(&path);
+        remove_previews(&path);
         let making = tempfile::Builder::new().prefix(MAKING).tempdir_in(&path);
         let making = making.map_err(failed("write into", &path))?;
-        let [written, previewed] = [(); 2].map(|()| Mutex::default());
-        Ok(Self { path, making, owner: None, written, previewed, _lock: lock })
+        Ok(Self { path, making, owner: None, written: Mutex::default(), _lock: lock })
     }
 
     /// The same for the results that a command has of a scene. When the last have come, what it wrote there before and has not written
@@ -132,12 +143,7 @@ impl Folder {
     /// The same, after which nothing more comes: see [`Folder::of`]. Previews go.
     pub(crate) fn finish(&self) -> Result<()> {
         self.move_out(true)?;
-        let folder = self.path.join(PREVIEW);
-        for name in std::mem::take(&mut *lock(&self.previewed)) {
-            _ = fs::remove_file(folder.join(name));
-        }
-        // Somebody may have put something there.
-        _ = fs::remove_dir(folder);
+        remove_previews(&self.path);
         Ok(())
     }
 
@@ -148,7 +154,7 @@ impl Folder {
         }
         let mut held = Held::of(&self.path).unwrap_or_default();
         if let Some(owner) = &self.owner {
-            let mut written = lock(&self.written);
+            let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
             written.extend(made.iter().cloned());
             held = if is_last { held.only(owner, &written) } else { held.with(owner, &made) };
         }
@@ -163,11 +169,10 @@ impl Folder {
     pub(crate) fn publish_preview(&self) -> Result<()> {
         let folder = self.path.join(PREVIEW);
         fs::create_dir_all(&folder).map_err(failed("create the folder", &folder))?;
-        for name in names(self.making.path())? {
-            rename(&self.file(&name), &folder.join(&name))?;
-            lock(&self.previewed).insert(name);
-        }
-        Ok(())
+        let made = names(self.making.path())?;
+        let owner = Owner { command: PREVIEW, scene: String::new() };
+        Held::of(&folder).unwrap_or_default().with(&owner, &made).write(&folder)?;
+        made.iter().try_for_each(|name| rename(&self.file(name), &folder.join(name)))
     }
 
     /// Writes a picture as EXR, as radiance, and as PNG; gives back the PNG file.
@@ -195,10 +200,6 @@ impl Drop for Folder {
         let is_settled = settle(&self.path, self.making.path()).is_ok();
         self.making.disable_cleanup(!is_settled);
     }
-}
-
-fn lock(names: &Mutex<BTreeSet<String>>) -> std::sync::MutexGuard<'_, BTreeSet<String>> {
-    names.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn failed(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Error {
@@ -329,6 +330,14 @@ mod tests {
         drop(again);
         assert_eq!(fs::read(path.join("light_map")).unwrap(), b"new");
         assert_eq!(seen(path), ["light_map"]);
+        // Those of a run that was killed go, too; what is another's stays.
+        let killed = Folder::create(path).unwrap();
+        killed.write_bytes("light_map", b"half").unwrap();
+        killed.publish_preview().unwrap();
+        fs::write(path.join("preview/mine.txt"), b"x").unwrap();
+        drop(killed);
+        drop(Folder::create(path).unwrap());
+        assert_eq!(seen(&path.join("preview")), ["mine.txt"]);
     }
 
     /// A run is killed after any step of moving its results out: the next one finds all of them, or none.

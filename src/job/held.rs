@@ -39,6 +39,11 @@ impl Held {
         serde_json::from_slice(&text).ok()
     }
 
+    /// All files.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.results.values().flatten().map(String::as_str)
+    }
+
     /// With further files of an owner.
     pub(super) fn with(mut self, owner: &Owner, made: &BTreeSet<String>) -> Self {
         self.obsolete.clear();
