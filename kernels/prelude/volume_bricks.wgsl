@@ -95,16 +95,31 @@ fn light_value(begin: u32, channels: u32, i: u32) -> vec3<f32> {
     return vec3(lights[begin + channels * i]);
 }
 
-// Radiance of a light at a place in the medium's cells; trilinear between centres and constant beyond the outermost ones.
-fn radiance(k: u32, cell: vec3<f32>, fraction: vec3<f32>) -> vec3<f32> {
+// A piece in the cells of a light: from which whole cell on, where it begins, and how far it goes.
+struct LightLine {
+    whole: vec3<f32>,
+    start: vec3<f32>,
+    change: vec3<f32>,
+}
+
+fn light_line(k: u32) -> LightLine {
     let light = &volume.light[k];
     let h = array<vec3<f32>, 3>((*light).high[0].xyz, (*light).high[1].xyz, (*light).high[2].xyz);
     let l = array<vec3<f32>, 3>((*light).low[0].xyz, (*light).low[1].xyz, (*light).low[2].xyz);
-    let high = h[0] * cell.x + h[1] * cell.y + h[2] * cell.z + (*light).at_high;
-    let low = l[0] * cell.x + l[1] * cell.y + l[2] * cell.z + (*light).at_low;
-    let within = (h[0] + l[0]) * fraction.x + (h[1] + l[1]) * fraction.y + (h[2] + l[2]) * fraction.z;
-    let rest = (high - floor(high)) + (low + within);
-    let whole = floor(high) + floor(rest);
+    let all = array<vec3<f32>, 3>(h[0] + l[0], h[1] + l[1], h[2] + l[2]);
+    let high = h[0] * lit_cell.x + h[1] * lit_cell.y + h[2] * lit_cell.z + (*light).at_high;
+    let low = l[0] * lit_cell.x + l[1] * lit_cell.y + l[2] * lit_cell.z + (*light).at_low;
+    let within = all[0] * lit_start.x + all[1] * lit_start.y + all[2] * lit_start.z;
+    let change = all[0] * lit_change.x + all[1] * lit_change.y + all[2] * lit_change.z;
+    return LightLine(floor(high), (high - floor(high)) + (low + within), change);
+}
+
+// Radiance of a light at u of the piece; trilinear between centres and constant beyond the outermost ones.
+fn radiance(k: u32, u: f32) -> vec3<f32> {
+    let light = &volume.light[k];
+    let line = light_line(k);
+    let rest = line.start + line.change * u;
+    let whole = line.whole + floor(rest);
     let last = vec3<f32>((*light).size);
     let is_outside = (whole < vec3(1.0)) | (whole >= last);
     let part = select(rest - floor(rest), vec3(0.0), is_outside);
@@ -128,21 +143,47 @@ fn light_at(u: f32) -> Weight {
     return weight_of(scattered_at(u));
 }
 
-// The same at a place of each channel's own.
-fn light_at_each(u: Weight) -> Weight {
-    let places = channels_of(u);
-    let first = scattered_at(places.x);
-    if places.y == places.x && places.z == places.x {
-        return weight_of(first);
-    }
-    return weight_of(vec3(first.x, scattered_at(places.y).y, scattered_at(places.z).z));
-}
-
 fn scattered_at(u: f32) -> vec3<f32> {
-    let fraction = lit_start + lit_change * u;
     var sum = vec3(0.0);
     for (var k = 0u; k < volume.lights; k++) {
-        sum += factors[k] * radiance(k, lit_cell, fraction);
+        sum += factors[k] * radiance(k, u);
     }
     return sum;
+}
+
+// Its mean over what is extinguished in [begin, end] of the piece, whose optical depth is `tau`; exact where it is a cubic.
+fn mean_scattered(tau: Weight, begin: f32, end: f32) -> Weight {
+    let depths = channels_of(tau);
+    let mean = mean_by(gauss_2(depths.x), begin, end);
+    if depths.y == depths.x && depths.z == depths.x {
+        return weight_of(mean);
+    }
+    return weight_of(vec3(mean.x, mean_by(gauss_2(depths.y), begin, end).y, mean_by(gauss_2(depths.z), begin, end).z));
+}
+
+fn mean_by(rule: vec3<f32>, begin: f32, end: f32) -> vec3<f32> {
+    return mix(scattered_at(mix(begin, end, rule.y)), scattered_at(mix(begin, end, rule.x)), rule.z);
+}
+
+// Parts of a piece at most.
+const CUTS: u32 = 64u;
+// What is cut off is longer than this.
+const SHORTEST: f32 = 1e-6;
+
+// Where in (begin, end] the light is a cubic no longer: the first plane through the centres of its voxels.
+fn next_cut(begin: f32, end: f32) -> f32 {
+    var next = end;
+    for (var k = 0u; k < volume.lights; k++) {
+        let line = light_line(k);
+        let at = line.start + line.change * begin;
+        let ahead = select(ceil(at) - 1.0, floor(at) + 1.0, line.change > vec3(0.0));
+        let moves = line.change != vec3(0.0);
+        let across = 1.0 / select(vec3(1.0), line.change, moves);
+        // The plane that it stands on is not ahead, whatever the rounding.
+        let u = (ahead - line.start) * across;
+        let beyond = select(u, u + abs(across), u <= vec3(begin + SHORTEST));
+        let cuts = select(vec3(end), beyond, moves & (beyond < vec3(end - SHORTEST)));
+        next = min(next, min(min(cuts.x, cuts.y), cuts.z));
+    }
+    return next;
 }

@@ -52,12 +52,19 @@ fn integrate(
     start: vec3<f32>,
     change: vec3<f32>,
 ) {
-    let moments = all_moments(depth.whole * (part.y - part.x));
-    var weight = strength * moments.m0;
-    if LIT {
-        // Where what the piece weighs lies on average: light that is linear along it counts as it is there.
-        let place = select(moments.m1 / moments.m0, Weight(0.5), moments.m0 <= Weight(0.0));
-        weight *= light_at_each(Weight(part.x) + Weight(part.y - part.x) * place);
+    if !LIT {
+        window_add(cell, strength * all_extinguished(depth.whole * (part.y - part.x)));
+        return;
+    }
+    var weight = Weight(0.0);
+    var left = strength;
+    var begin = part.x;
+    for (var cut = 1u; cut <= CUTS && begin < part.y; cut++) {
+        let end = select(next_cut(begin, part.y), part.y, cut == CUTS);
+        let tau = depth.whole * (end - begin);
+        weight += left * all_extinguished(tau) * mean_scattered(tau, begin, end);
+        left *= exp(-tau);
+        begin = end;
     }
     window_add(cell, weight);
 }

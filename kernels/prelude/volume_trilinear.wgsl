@@ -188,7 +188,7 @@ fn node(
     window_add(fractions(cell, at), share);
 }
 
-// [from, to] of a piece with some optical depth, in one cell of the unknown: four nodes of Gauss and Legendre for every half of it.
+// [from, to] of a piece with some optical depth, in one cell of the unknown.
 fn integrate(
     depth: Depth,
     part: vec2<f32>,
@@ -198,6 +198,28 @@ fn integrate(
     change: vec3<f32>,
 ) {
     window_move(cell);
+    var begin = part.x;
+    for (var cut = 1u; cut <= CUTS && begin < part.y; cut++) {
+        var end = part.y;
+        if LIT && cut < CUTS {
+            end = next_cut(begin, part.y);
+        }
+        let share = (vec2(begin, end) - part.x) / (part.y - part.x);
+        let left = strength * exp(depth_at(depth, part.x) - depth_at(depth, begin));
+        integrate_smooth(depth, vec2(begin, end), left, cell, start + change * share.x, change * (share.y - share.x));
+        begin = end;
+    }
+}
+
+// The same where light has no kink: four nodes of Gauss and Legendre for every half of optical depth.
+fn integrate_smooth(
+    depth: Depth,
+    part: vec2<f32>,
+    strength: Weight,
+    cell: vec3<i32>,
+    start: vec3<f32>,
+    change: vec3<f32>,
+) {
     let before = depth_at(depth, part.x);
     // By the steepest part, for panels are equal in length.
     let slope = max(depth_slope(depth, part.x), depth_slope(depth, part.y));

@@ -41,7 +41,8 @@ fn sweep(folder: &Path) {
         if name.starts_with(MAKING) && name != LOCK && name != HELD {
             let making = folder.join(name);
             if settle(folder, &making).is_ok() {
-                _ = fs::remove_dir_all(making);
+                // A file is a half of one, such as of a checkpoint.
+                _ = fs::remove_dir_all(&making).or_else(|_| fs::remove_file(making));
             }
         }
     }
@@ -373,6 +374,7 @@ mod tests {
         // What a run left that was killed.
         fs::create_dir(folder.path().join(".unscatter-x1y2")).unwrap();
         fs::write(folder.path().join(".unscatter-x1y2/half.exr"), b"half").unwrap();
+        fs::write(folder.path().join(".unscatter-z3.part"), b"half").unwrap();
         let first = Folder::create(folder.path()).unwrap();
         let refused = Folder::create(folder.path()).unwrap_err();
         let told = format!("in use by process {};", std::process::id());
