@@ -173,6 +173,13 @@ impl Known {
         let mut picture =
             Picture { has_alpha, size, alpha: Vec::with_capacity(kept), tallies: vec![(0, [0.0; 3]); 256] };
         let linear = &*LINEAR;
+        if let DynamicImage::ImageLuma8(grey) = &pixels {
+            let mut counts = [0_u64; 256];
+            grey.as_raw().iter().for_each(|&byte| counts[usize::from(byte)] += 1);
+            let sum: f64 = counts.iter().zip(linear).map(|(&count, value)| count as f64 * value).sum();
+            picture.tallies[usize::from(u8::MAX)] = (grey.as_raw().len() as u64, [sum; 3]);
+            return Ok(picture);
+        }
         for (_, _, pixel) in pixels.pixels() {
             let [red, green, blue, alpha] = pixel.0;
             let (count, sums) = &mut picture.tallies[usize::from(alpha)];

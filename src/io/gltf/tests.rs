@@ -289,6 +289,22 @@ fn a_mean_colour_is_linear() {
     assert!((red - 0.25).abs() < 2e-3 && (green - 0.5).abs() < 4e-3, "{red}, {green}");
 }
 
+#[test]
+fn a_grey_picture_has_the_mean_of_the_same_in_colour() {
+    let bytes = [0_u8, 51, 128, 255];
+    let colored = textured("OPAQUE", json!({"index": 0}), &bytes.map(|byte| [byte, byte, byte, 255]));
+    let mut file = Cursor::new(Vec::new());
+    image::GrayImage::from_raw(4, 1, bytes.to_vec())
+        .unwrap()
+        .write_to(&mut file, image::ImageFormat::Png)
+        .unwrap();
+    let mut grey = colored.clone();
+    grey["images"][0]["uri"] = json!(data_uri(file.get_ref()));
+    let [grey, colored] = [grey, colored].map(|file| mesh(&file).unwrap().materials[0].albedo);
+    assert!((0..3).all(|c| (grey[c] - colored[c]).abs() < 1e-6), "{grey:?} {colored:?}");
+    assert!(colored[0] < 1.0);
+}
+
 fn with_camera_and_suns() -> Value {
     let mut file = square();
     file["cameras"] = json!([
