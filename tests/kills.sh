@@ -2,7 +2,7 @@
 # Kills runs of every command at random moments and runs them again: the results must have the same bits as without a kill, nothing may be
 # left behind, and a folder never holds results of two runs unless it says so. Then ten runs want one folder at once.
 #
-# usage: tests/kills.sh [KILLS [SEED]]      500 kills when not given, about half an hour; UNSCATTER names the program
+# usage: tests/kills.sh [KILLS [SEED]]      500 kills when not given, about ten minutes; UNSCATTER names the program
 set -euo pipefail
 cd "$(dirname "$0")/.."
 kills="${1:-500}"
@@ -22,27 +22,27 @@ cat >hall.json <<'S'
  "occluders": [{"box": {"center": [0, -0.1, 0], "size": [14, 0.2, 20]}}, {"box": {"center": [-4, 6, 0], "size": [6, 0.2, 20]}},
                {"box": {"center": [3.5, 6, 0], "size": [7, 0.2, 20]}}],
  "views": [{"name": "hall", "camera": {"to_world": {"look_at": {"origin": [1.5, 1.7, 9.5], "target": [0.5, 2.6, 0]}}, "fov": 55,
-                                       "size": [240, 160]},
-            "strokes": [{"points": [[130, 82], [142, 102]], "radius": 24, "color": "#ff8020"}]}],
- "light_map": {"size": 64}, "solve": {"tolerance": 0, "iterations": 150}}
+                                       "size": [96, 64]},
+            "strokes": [{"points": [[52, 33], [57, 41]], "radius": 10, "color": "#ff8020"}]}],
+ "light_map": {"size": 32}, "shadow_map": {"size": 128}, "solve": {"tolerance": 0, "iterations": 200}}
 S
 cat >cloud.json <<'S'
-{"version": 1, "find": "joint", "environment": {"radiance": 1}, "lights": [{"direction": [-1, -1, -0.5], "radiance": 3}],
- "volume": {"size": 20, "to_world": {"translate": [-1, -1, -1], "scale": 2}, "albedo": 0.8,
+{"version": 1, "find": "joint", "environment": {"radiance": 1, "directions": 16}, "lights": [{"direction": [-1, -1, -0.5], "radiance": 3}],
+ "volume": {"size": 12, "to_world": {"translate": [-1, -1, -1], "scale": 2}, "albedo": 0.8,
             "extinction": {"made": {"shapes": [{"sphere": {"center": [0, 0, 0], "radius": 0.7}}], "inside": 8, "edge": 0.2}}},
  "background": 0.02,
- "views": [{"name": "front", "camera": {"to_world": {"look_at": {"origin": [0, 0, 4], "target": [0, 0, 0]}}, "fov": 35, "size": [64, 64]},
-            "strokes": [{"points": [[30, 30], [40, 36]], "radius": 9, "color": "#ff3020"}]}],
- "solve": {"tolerance": 0, "iterations": 300}}
+ "views": [{"name": "front", "camera": {"to_world": {"look_at": {"origin": [0, 0, 4], "target": [0, 0, 0]}}, "fov": 35, "size": [32, 32]},
+            "strokes": [{"points": [[15, 15], [20, 18]], "radius": 5, "color": "#ff3020"}]}],
+ "solve": {"tolerance": 0, "iterations": 200}}
 S
-sed 's/"solve".*/"animation": {"frames": 5, "keys": [{"frame": 0}, {"frame": 4, "albedo": 0.6}]}, "solve": {"tolerance": 0, "iterations": 120}}/' \
+sed 's/"solve".*/"animation": {"frames": 5, "keys": [{"frame": 0}, {"frame": 4, "albedo": 0.6}]}, "solve": {"tolerance": 0, "iterations": 60}}/' \
   cloud.json >smoke.json
 
 # Name, whether it can go on from a checkpoint, and arguments.
 cases=(
-  "light-map yes light-map hall.json --checkpoint-every 0.1 --preview-every 50"
-  "volume yes volume cloud.json --checkpoint-every 0.1 --preview-every 50"
-  "animate yes animate smoke.json --checkpoint-every 0.1 --preview-every 50"
+  "light-map yes light-map hall.json --checkpoint-every 0.02 --preview-every 50"
+  "volume yes volume cloud.json --checkpoint-every 0.02 --preview-every 50"
+  "animate yes animate smoke.json --checkpoint-every 0.02 --preview-every 50"
   "render no render cloud.json --turntable 6"
   "matrix no matrix hall.json"
 )

@@ -51,12 +51,15 @@ fn sweep(folder: &Path) {
 /// Removes the previews in a folder, and nothing that somebody else has put beside them.
 fn remove_previews(folder: &Path) {
     let previews = folder.join(PREVIEW);
-    let Some(held) = Held::of(&previews) else { return };
-    for name in held.names().filter(|name| is_name(name)) {
+    let held = Held::of(&previews).unwrap_or_default();
+    let is_ours = |name: &String| name.starts_with(MAKING) || held.names().any(|held| held == name);
+    let ours: Vec<String> = names(&previews).unwrap_or_default().into_iter().filter(is_ours).collect();
+    for name in &ours {
         _ = fs::remove_file(previews.join(name));
     }
-    _ = fs::remove_file(previews.join(HELD));
-    _ = fs::remove_dir(previews);
+    if !ours.is_empty() {
+        _ = fs::remove_dir(previews);
+    }
 }
 
 /// Whether it leads out of no folder.
@@ -336,6 +339,7 @@ mod tests {
         killed.write_bytes("light_map", b"half").unwrap();
         killed.publish_preview().unwrap();
         fs::write(path.join("preview/mine.txt"), b"x").unwrap();
+        fs::write(path.join("preview/.unscatter-z3.part"), b"half").unwrap();
         drop(killed);
         drop(Folder::create(path).unwrap());
         assert_eq!(seen(&path.join("preview")), ["mine.txt"]);
