@@ -186,10 +186,47 @@ impl VolumeTraversal {
             return false;
         }
         let mut has = self.parts.iter().any(|part| matches!(part.quantity, Quantity::Extinction));
+        has = has || self.parts.iter().any(|part| self.plainly_has_weights(row, part));
         if !has {
             let mut see = |_, weight: Weight<f64, 3>| has |= weight != [0.0; 3];
             self.walk(row, &mut see);
         }
+        has
+    }
+
+    /// Whether the first medium that a row meets at an element is lit in its middle. Where it is not, the whole row decides.
+    fn plainly_has_weights(&self, row: usize, part: &VoxelElements) -> bool {
+        let density = &*self.transport.density;
+        let is_shared = part.basis.cells() == density.interpolation().cells() && part.grid == *density.grid();
+        if !is_shared || self.transport.quadrature != Quadrature::Exact {
+            return false;
+        }
+        let (mut has, mut tau) = (false, [0.0; 3]);
+        self.each_line(row, |line, a, b| {
+            let light = match &part.quantity {
+                Quantity::Emission => None,
+                Quantity::Albedo(light) => Some(light.along(line)),
+                Quantity::Extinction | Quantity::InScattered(_) => return false,
+            };
+            let mut met = false;
+            density.each_piece::<3>(line, a, b, |cell, a, b, depth| {
+                let depth = depth.at(1.0);
+                (0..3).for_each(|c| tau[c] += depth[c]);
+                // Where little is left the walk decides whether it ends.
+                met = tau.iter().any(|&tau| tau > 5.0) || part.cells.contains(cell);
+                if !met {
+                    return ControlFlow::Continue(());
+                }
+                let middle = 0.5 * (a + b);
+                let lit = |c: usize| {
+                    light.as_ref().is_none_or(|light| light.iter().any(|source| source.at(middle)[c] > 0.0))
+                };
+                has = part.cells.contains(cell)
+                    && (0..3).any(|c| tau[c] - depth[c] < 5.0 && depth[c] > 0.0 && lit(c));
+                ControlFlow::Break(())
+            });
+            !met
+        });
         has
     }
 
