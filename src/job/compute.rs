@@ -14,6 +14,7 @@ use crate::report::Work;
 use crate::scene::{Rgb, SolveSettings};
 use crate::solve::{Control, Outcome, StopReason};
 use crate::{Error, Result};
+
 /// The adjoint of this problem is tested with vectors made from this seed.
 const SEED: u64 = 1;
 

@@ -144,7 +144,15 @@ impl Folder {
         self.move_out(false)
     }
 
-    /// The same, after which nothing more comes: see [`Folder::of`]. Previews go.
+    /// As [`Folder::finish`], of results that are some of many, such as frames: those of the same scene that are there stay.
+    pub(crate) fn finish_some(&self) -> Result<()> {
+        if let (Some(owner), Some(held)) = (&self.owner, Held::of(&self.path)) {
+            self.written.lock().unwrap_or_else(PoisonError::into_inner).extend(held.of_owner(owner));
+        }
+        self.finish()
+    }
+
+    /// The same as [`Folder::publish`], after which nothing more comes: see [`Folder::of`]. Previews go.
     pub(crate) fn finish(&self) -> Result<()> {
         self.move_out(true)?;
         remove_previews(&self.path);
@@ -315,6 +323,12 @@ mod tests {
         animated.finish().unwrap();
         drop(animated);
         assert_eq!(seen(path), ["frame_0", "frame_1", "mine.txt"]);
+        // Frames may be drawn some at a time.
+        let further = Folder::create(path).unwrap().of("render", "nave");
+        further.write_bytes("frame_2", b"x").unwrap();
+        further.finish_some().unwrap();
+        drop(further);
+        assert_eq!(seen(path), ["frame_0", "frame_1", "frame_2", "mine.txt"]);
     }
 
     #[test]

@@ -44,6 +44,12 @@ impl Held {
         self.results.values().flatten().map(String::as_str)
     }
 
+    /// What an owner has written so far.
+    pub(super) fn of_owner(&self, owner: &Owner) -> BTreeSet<String> {
+        let of_scene = if self.scene == owner.scene { self.results.get(owner.command) } else { None };
+        of_scene.cloned().unwrap_or_default()
+    }
+
     /// With further files of an owner.
     pub(super) fn with(mut self, owner: &Owner, made: &BTreeSet<String>) -> Self {
         self.obsolete.clear();

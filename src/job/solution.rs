@@ -205,7 +205,10 @@ impl Solution {
         if let Some(resolved) = &self.resolved {
             write_resolved(resolved, folder)?;
         }
-        folder.finish()?;
+        match self.options.frames.is_some() || leaves_frames_out {
+            true => folder.finish_some()?,
+            false => folder.finish()?,
+        }
         Ok(Written { folder: path.to_owned(), report, is_interrupted })
     }
 
