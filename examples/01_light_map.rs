@@ -10,8 +10,8 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3};
 use unscatter::job::{Job, Quiet};
 use unscatter::scene::{
-    Camera, DirectionalLight, FovAxis, MapSettings, Medium, Mesh, Primitive, Scene, SolveSettings, Stroke,
-    Target, View, look_at,
+    Camera, DirectionalLight, FovAxis, MapSettings, Medium, Mesh, Opacity, Primitive, Scene, SolveSettings,
+    Stroke, Target, View, look_at,
 };
 
 /// A barn: a floor, three walls, and a roof of slats.
@@ -35,7 +35,7 @@ fn barn() -> unscatter::Result<Mesh> {
 
 /// A stroke of 12 pixels half width; the colour is linear.
 fn stroke(points: [[f32; 2]; 2], color: [f32; 3]) -> Stroke {
-    Stroke { points: points.to_vec(), radius: 12.0, hardness: 0.8, opacity: 1.0, color }
+    Stroke { points: points.to_vec(), radius: 12.0, hardness: 0.8, opacity: 1.0, weight: 1.0, color }
 }
 
 /// The barn from inside, two of its shafts painted.
@@ -49,6 +49,7 @@ fn scene() -> unscatter::Result<Scene> {
             stroke([[214.0, 60.0], [196.0, 120.0]], [0.05, 0.3, 1.0]),
         ],
         layers: Vec::new(),
+        keep: 0.0,
     };
     Ok(Scene {
         name: "barn".to_owned(),
@@ -59,11 +60,13 @@ fn scene() -> unscatter::Result<Scene> {
         surroundings: None,
         views: vec![view],
         // Without an extent a map is fitted to what is seen.
-        light_map: MapSettings { size: [128, 128], extent: None },
-        shadow_map: MapSettings { size: [512, 512], extent: None },
+        light_map: MapSettings::new([128, 128]),
+        shadow_map: MapSettings::new([512, 512]),
+        metres_per_unit: 1.0,
         target: Target::Tint,
+        opacity: Opacity::Strength,
         solve: SolveSettings::default(),
-        exposure: 0.0,
+        exposure: None,
     })
 }
 

@@ -29,6 +29,7 @@ fn main() -> unscatter::Result<()> {
             radius: 18.0,
             hardness: 0.7,
             opacity: 1.0,
+            weight: 1.0,
             color,
         };
         live.paint("court", stroke)?;

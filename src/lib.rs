@@ -18,8 +18,10 @@ pub mod scene;
 pub mod solve;
 pub mod sparse;
 pub mod visibility;
+mod warning;
 
 pub use error::{Error, Fault, Result};
+pub use warning::Warning;
 
 /// The examples of README.md and of the guide, compiled.
 #[cfg(doctest)]

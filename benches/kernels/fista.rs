@@ -81,6 +81,8 @@ impl Rows {
                 bounds: settings.solver.kept(settings.bounds),
                 pull: 1.0,
                 lattice: Some(Lattice { size: &size, places: None }),
+                joined: &[],
+                fade: 0.0,
                 scale: 0,
             }],
             remedy: "",

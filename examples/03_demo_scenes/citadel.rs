@@ -1,10 +1,10 @@
 //! A walled citadel at dawn: the sun behind it shines through its gates and between its towers into the court.
 
 use glam::DVec3;
-use unscatter::io::scene_file::{Channels, Document, Light, MapSize, Medium};
+use unscatter::io::scene_file::{Channels, Document, Light, Medium};
 
 use crate::painter::Shaft;
-use crate::stage::{Arch, Opening, Stage, Wall, map_extent, shadow_map, view};
+use crate::stage::{Arch, Opening, Stage, Wall, shadow_map, view};
 
 /// Where the light goes; the sun is 23° high.
 const SUN: [f64; 3] = [0.26, -0.4, 0.87];
@@ -28,9 +28,6 @@ pub(crate) fn document() -> Document {
     let mut document = Document::new(light, medium, views);
     document.name = Some("Citadel".to_owned());
     document.ambient = Channels::Rgb([0.030, 0.040, 0.062]);
-    document.light_map.size = MapSize::Square(512);
-    let openings = [DVec3::new(-23.0, 0.0, GATE_WALL[0]), DVec3::new(16.0, 19.0, GATE_WALL[1])];
-    document.light_map.extent = Some(map_extent(DVec3::from_array(SUN), openings));
     let corners = [DVec3::new(-32.0, 0.0, -46.0), DVec3::new(32.0, 27.0, 18.0)];
     document.shadow_map = shadow_map(512, DVec3::from_array(SUN), corners);
     document.occluders = citadel().occluders;

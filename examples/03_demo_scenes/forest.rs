@@ -3,12 +3,12 @@
 use std::error::Error;
 
 use glam::DVec3;
-use unscatter::io::scene_file::{Channels, Document, GltfMesh, Light, MapSize, Medium, Occluder};
+use unscatter::io::scene_file::{Channels, Document, GltfMesh, Light, Medium, Occluder};
 
 use crate::glb::{Surface, glb, leaf_picture};
 use crate::numbers::Numbers;
 use crate::painter::Shaft;
-use crate::stage::{Stage, map_extent, shadow_map, view};
+use crate::stage::{Stage, shadow_map, view};
 
 /// Where the light goes.
 const SUN: [f64; 3] = [0.3, -0.76, 0.57];
@@ -47,9 +47,6 @@ pub(crate) fn document() -> Document {
     document.name = Some("Forest".to_owned());
     document.ambient = Channels::Rgb([0.030, 0.040, 0.034]);
     let sun = DVec3::from_array(SUN);
-    document.light_map.size = MapSize::Square(512);
-    let ground = [DVec3::new(-12.0, 0.0, -15.0), DVec3::new(10.0, 0.01, 0.0)];
-    document.light_map.extent = Some(map_extent(sun, ground));
     let wood = [DVec3::new(-52.0, 0.0, -70.0), DVec3::new(52.0, 13.0, 14.0)];
     document.shadow_map = shadow_map(2048, sun, wood);
     let mut stage = Stage::new(MOSS);

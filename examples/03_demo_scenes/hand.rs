@@ -62,7 +62,7 @@ pub(crate) fn write(folder: &Path) -> Result<VolumeDocument, Box<dyn Error>> {
     document.background = Some(Channels::Rgb([0.012, 0.014, 0.02]));
     // Without a pull, what lies deep in the smoke would be made to glow for the sake of the rims of the paint.
     document.solve.tikhonov = weight(0.03);
-    document.solve.gradient = weight(0.02);
+    document.solve.gradient = Some(weight(0.02));
     document.solve.iterations = 30;
     Ok(document)
 }

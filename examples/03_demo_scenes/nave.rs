@@ -1,10 +1,10 @@
 //! The nave of a church: the sun shines through the windows of its south side, and paint makes them stained glass.
 
 use glam::DVec3;
-use unscatter::io::scene_file::{Channels, Document, Light, MapSize, Medium};
+use unscatter::io::scene_file::{Channels, Document, Light, Medium};
 
 use crate::painter::Shaft;
-use crate::stage::{Arch, Opening, Stage, Wall, map_extent, shadow_map, view};
+use crate::stage::{Arch, Opening, Stage, Wall, shadow_map, view};
 
 /// Where the light goes; from the south, −z.
 const SUN: [f64; 3] = [-0.16, -0.72, 0.66];
@@ -39,9 +39,6 @@ pub(crate) fn document() -> Document {
     document.name = Some("Nave".to_owned());
     document.ambient = Channels::Rgb([0.050, 0.048, 0.058]);
     let sun = DVec3::from_array(SUN);
-    document.light_map.size = MapSize::Square(512);
-    let windows = [DVec3::new(-18.0, 3.5, SOUTH.z[0]), DVec3::new(9.0, 15.0, SOUTH.z[1])];
-    document.light_map.extent = Some(map_extent(sun, windows));
     let church = [DVec3::new(-22.0, 0.0, -10.5), DVec3::new(13.0, 18.5, 10.0)];
     document.shadow_map = shadow_map(1024, sun, church);
     document.occluders = church_of_stone().occluders;

@@ -83,7 +83,7 @@ pub(crate) fn document() -> VolumeDocument {
     document.background = Some(Channels::Rgb([0.01, 0.012, 0.018]));
     document.exposure = 0.5;
     document.solve.tikhonov = weight(0.02);
-    document.solve.gradient = weight(0.02);
+    document.solve.gradient = Some(weight(0.02));
     document.solve.iterations = 30;
     document.solve.transmittance_bound = 1e-3;
     document

@@ -168,7 +168,14 @@ impl Stage {
 /// A view of the pictures' common size, without strokes.
 pub(crate) fn view(name: &str, origin: [f64; 3], target: [f64; 3], fov: f64) -> View {
     let camera = camera(origin, target, (fov, FovAxis::X), [640, 360]);
-    View { name: name.to_owned(), camera, strokes: Vec::new(), layers: Vec::new(), association: None }
+    View {
+        name: name.to_owned(),
+        camera,
+        strokes: Vec::new(),
+        layers: Vec::new(),
+        association: None,
+        keep: 0.0,
+    }
 }
 
 /// A camera that stands at `origin` and looks at `target`.
@@ -223,7 +230,7 @@ pub(crate) fn shadow_map(size: usize, direction: DVec3, corners: [DVec3; 2]) -> 
 }
 
 /// What the box between two corners covers in the plane of the light.
-pub(crate) fn map_extent(direction: DVec3, corners: [DVec3; 2]) -> Extent {
+fn map_extent(direction: DVec3, corners: [DVec3; 2]) -> Extent {
     let frame = LightFrame::along(direction.normalize());
     let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for corner in 0..8 {

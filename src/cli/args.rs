@@ -22,7 +22,7 @@ pub(crate) struct Arguments {
     /// Say nothing but results and errors.
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
-    /// Say more (-v: what is decided, -vv: what is done).
+    /// Say more (-v: the numbers of a solve, and what is decided; -vv: what is done).
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub(crate) verbose: u8,
 }
@@ -320,9 +320,19 @@ pub(crate) struct RenderArguments {
     /// says, as `light-map` writes it, else where the scene's light map does.
     #[arg(long, value_name = "FILE")]
     pub(crate) light_map: Option<PathBuf>,
+    /// Draws one part of the light alone: `scattering` is what the fog scatters of the sun, which paint is about.
+    #[arg(long, value_name = "PART")]
+    pub(crate) only: Option<OnlyLight>,
     /// Pictures of a volume from all around, beside its views.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=720))]
     pub(crate) turntable: u32,
+}
+
+/// A part of the light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum OnlyLight {
+    /// What the medium scatters of the sun.
+    Scattering,
 }
 
 #[derive(Debug, Args)]

@@ -4,14 +4,15 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::args::{
-    AnimateArguments, BackendArguments, LightMapArguments, MatrixArguments, OutputArguments, RenderArguments,
-    SceneArguments, SolveArguments, VolumeArguments,
+    AnimateArguments, BackendArguments, LightMapArguments, MatrixArguments, OnlyLight, OutputArguments,
+    RenderArguments, SceneArguments, SolveArguments, VolumeArguments,
 };
 use super::bar::Bar;
 use super::{Done, FAULT, Manners, watch_interrupt, words};
 use crate::io::scene_file::{SceneFile, Subject};
 use crate::io::to_json;
 use crate::job::{EngineChoice, Job, Options, Scenes, Written};
+use crate::problem::DrawnLight;
 use crate::{Error, Result};
 
 impl SceneArguments {
@@ -98,7 +99,7 @@ fn solved(
     let found = job.with(options).solve(&mut bar)?;
     let Written { report, is_interrupted, folder } = found.write_observed(folder, &mut bar)?;
     bar.finish();
-    manners.print(&report.to_json()?, &words::of_report(&report, &folder))?;
+    manners.print(&report.to_json()?, &words::of_report(&report, &folder, manners.numbers))?;
     Ok(if is_interrupted { Done::Interrupted } else { Done::Completely })
 }
 
@@ -151,7 +152,14 @@ pub(super) fn render(arguments: &RenderArguments, manners: &Manners) -> Result<D
         return Err(Error::value("--light-map", "a light map", expected));
     }
     let folder = arguments.output.folder(&arguments.scene.scene);
-    let options = Options { turntable: arguments.turntable as usize, ..Options::default() };
+    if !matches!(job.scenes(), Scenes::LightMap(_)) && arguments.only.is_some() {
+        return Err(Error::value("--only", "scattering", "left away: pictures of volumes show all light"));
+    }
+    let light = match arguments.only {
+        Some(OnlyLight::Scattering) => DrawnLight::Scattered,
+        None => DrawnLight::All,
+    };
+    let options = Options { turntable: arguments.turntable as usize, light, ..Options::default() };
     watch_interrupt(&options.stop, Some(folder.clone()))?;
     let drawn = job.with(options).draw(arguments.light_map.as_deref(), folder, &mut bar)?;
     let Some(drawn) = drawn else { return Ok(Done::Interrupted) };

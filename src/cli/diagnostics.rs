@@ -6,7 +6,8 @@ use super::out::{self, visible};
 use crate::{Error, Fault};
 
 /// What the library calls settings, and what the command says in its place.
-const FLAGS: [(&str, &str); 9] = [
+const FLAGS: [(&str, &str); 10] = [
+    ("set `", "use --set `"),
     ("raise solve.memory", "raise --memory"),
     ("compute on the processor", "use --backend cpu"),
     ("choose an adapter", "choose one by --backend gpu or --adapter"),
@@ -27,12 +28,16 @@ fn in_flags(text: &str) -> String {
     FLAGS.iter().fold(text.to_owned(), |text, (setting, flag)| text.replace(setting, flag))
 }
 
-/// Standard error, for warnings: each is written whole.
-pub(super) struct Warnings;
+/// Standard error, for warnings: each is written whole, after what each begins with.
+pub(super) struct Warnings(pub(super) &'static str);
 
 impl Write for Warnings {
     fn write(&mut self, warning: &[u8]) -> std::io::Result<usize> {
-        out::remark(&visible(&in_flags(&String::from_utf8_lossy(warning))));
+        out::remark(&visible(&format!(
+            "{}{}",
+            self.0,
+            in_flags(String::from_utf8_lossy(warning).trim_start())
+        )));
         Ok(warning.len())
     }
 

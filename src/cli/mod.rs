@@ -47,6 +47,8 @@ enum Done {
 struct Manners {
     json: bool,
     quiet: bool,
+    /// Whether the numbers of a solve are told, too.
+    numbers: bool,
 }
 
 impl Manners {
@@ -63,7 +65,7 @@ pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     watch_verbosity(&arguments);
     quieten_caught_panics();
-    let manners = Manners { json: arguments.json, quiet: arguments.quiet };
+    let manners = Manners { json: arguments.json, quiet: arguments.quiet, numbers: arguments.verbose > 0 };
     match start_threads(arguments.threads).and_then(|()| run(&arguments.command, &manners)) {
         Ok(Done::Completely) => ExitCode::SUCCESS,
         Ok(Done::Interrupted) | Err(Error::Interrupted) => ExitCode::from(INTERRUPTED as u8),
@@ -180,10 +182,12 @@ fn watch_verbosity(arguments: &Arguments) {
         (_, 1) => tracing::Level::INFO,
         _ => tracing::Level::DEBUG,
     };
-    tracing_subscriber::fmt()
-        .with_max_level(level)
-        .with_ansi(false)
-        .with_writer(|| diagnostics::Warnings)
-        .with_target(false)
-        .init();
+    let log = tracing_subscriber::fmt().with_max_level(level).with_ansi(false).with_target(false);
+    match level <= tracing::Level::WARN {
+        // A person reads no times and levels.
+        true => {
+            log.without_time().with_level(false).with_writer(|| diagnostics::Warnings("warning: ")).init()
+        }
+        false => log.with_writer(|| diagnostics::Warnings("")).init(),
+    }
 }

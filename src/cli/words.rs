@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use crate::job::{Plan, mebibytes};
-use crate::report::{AnimationRecord, Certificate, Change, ProblemSize, Report, Share, StopRecord};
+use crate::report::{
+    AnimationRecord, Certificate, Change, HueAngles, ProblemSize, Report, Share, StageRecord, StopRecord,
+};
 
 /// A plan in a few lines.
 pub(super) fn of_plan(plan: &Plan) -> String {
@@ -59,36 +61,41 @@ pub(super) fn of_plan(plan: &Plan) -> String {
     )
 }
 
-/// A report in a few lines.
-pub(super) fn of_report(report: &Report, folder: &Path) -> String {
+/// A report in a few lines: how well paint or pictures are met, over everything and view by view; with its `numbers`, too.
+pub(super) fn of_report(report: &Report, folder: &Path, numbers: bool) -> String {
     let pixel = &report.nouns.pixel;
     let mut lines = Vec::new();
-    for stage in &report.stages {
-        let ended = ended(&stage.weighted_residual, &stage.certificate, &stage.stop);
-        let taken = if stage.is_taken { "" } else { "; not taken, for it came no nearer" };
-        lines.push(format!("{}: {}; {ended}{taken}", stage.label(), of_size(&stage.problem, pixel)));
+    let total = report.timings.get("total").copied().unwrap_or_default();
+    let pixels = report.matched.iter().map(|view| view.painted_pixels).sum::<u64>().max(report.problem.rows);
+    lines.push(format!(
+        "{}: {}; {} in {}, {total:.1} s in all",
+        report.scene,
+        met(report, &report.weighted_residual, report.hue.as_ref()),
+        counted(pixels, pixel),
+        counted(report.problem.views, "view"),
+    ));
+    for view in &report.matched {
+        let met = met(report, &view.weighted_residual, view.hue.as_ref());
+        let numbers =
+            if numbers { format!(" ({})", residual(&view.weighted_residual)) } else { String::new() };
+        lines.push(format!("  {:<16} {met}{numbers}", view.view));
     }
-    if lines.is_empty() {
-        lines.push(of_size(&report.problem, pixel));
+    if let Some(light) = &report.light {
+        lines.push(format!(
+            "  brightest texel {:.2} times the light; {:.1} % of the painted light comes from outside the light map",
+            light.brightest,
+            100.0 * light.outside
+        ));
     }
     if let Some(around) = &report.surroundings {
         lines.push(format!("  around the light map: {}", around.in_words()));
     }
-    for view in &report.matched {
-        let hue = view.uncontested_hue_error.map_or(String::new(), |Change { before, after }| {
-            format!(", hue off by {before:.1}° → {after:.1}°")
-        });
-        lines.push(format!("  {:<16} {}{hue}", view.view, residual(&view.weighted_residual)));
+    if numbers {
+        lines.extend(of_solves(report, pixel));
     }
-    let total = report.timings.get("total").copied().unwrap_or_default();
-    let all = match report.stages.is_empty() {
-        true => ended(&report.weighted_residual, &report.certificate, &report.stop),
-        false => residual(&report.weighted_residual),
-    };
-    lines.push(format!("{all}, {total:.2} s in all"));
     if let Some(animation) = &report.animation {
         for key in &animation.keys {
-            lines.push(format!("  frame {:<10} {}", key.frame, residual(&key.weighted_residual)));
+            lines.push(format!("  frame {:<10} {}", key.frame, met(report, &key.weighted_residual, None)));
         }
         let spread: u64 = animation.keys.iter().map(|key| key.spread_voxels).sum();
         let filled = if spread > 0 { format!("; diffusion filled {spread} voxels") } else { String::new() };
@@ -97,6 +104,35 @@ pub(super) fn of_report(report: &Report, folder: &Path) -> String {
     }
     lines.push(format!("results in {}", folder.join("report.html").display()));
     lines.join("\n")
+}
+
+/// How much of what was wanted has come, and how far off hues are.
+fn met(report: &Report, change: &Change, hue: Option<&HueAngles>) -> String {
+    let wanted = &report.nouns.wanted;
+    let met = match change.met() {
+        Some(part) => format!("{wanted} met to {:.0} %", (100.0 * part).floor()),
+        None => format!("{wanted} asks for no change"),
+    };
+    let hue = hue.map(|HueAngles { median, nine_tenths }| {
+        format!(", hue off by {median:.0}° (nine of ten pixels within {:.0}°)", nine_tenths.ceil())
+    });
+    met + &hue.unwrap_or_default()
+}
+
+/// The solves of a report, in numbers.
+fn of_solves(report: &Report, pixel: &str) -> Vec<String> {
+    let of_stage = |stage: &StageRecord| {
+        let ended = ended(&stage.weighted_residual, &stage.certificate, &stage.stop);
+        let taken = if stage.is_taken { "" } else { "; not taken, for it came no nearer" };
+        format!("  {}: {}; {ended}{taken}", stage.label(), of_size(&stage.problem, pixel))
+    };
+    match report.stages.is_empty() {
+        true => {
+            let ended = ended(&report.weighted_residual, &report.certificate, &report.stop);
+            vec![format!("  {}; {ended}", of_size(&report.problem, pixel))]
+        }
+        false => report.stages.iter().map(of_stage).collect(),
+    }
 }
 
 fn of_size(size: &ProblemSize, pixel: &str) -> String {

@@ -8,7 +8,7 @@ use crate::io::Checkpoint;
 use crate::problem::{Paused, Problem, Snapshot, evenly};
 use crate::scene::SolveSettings;
 use crate::solve::{History, Measure, Progress, Progressing, State};
-use crate::{Error, Result};
+use crate::{Error, Result, Warning};
 
 /// Numbers of one entry of the history.
 const ENTRY: usize = 9;
@@ -42,7 +42,7 @@ impl Keeper {
     pub(super) fn keep(&self, history: &History, snapshot: &mut dyn Snapshot) {
         match self.write(&self.path, history, snapshot) {
             Ok(()) => self.kept.set(true),
-            Err(error) => tracing::warn!("no checkpoint: {error}"),
+            Err(error) => Warning::new("checkpoint", format!("no checkpoint: {error}"), "").tell(),
         }
     }
 

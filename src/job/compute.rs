@@ -9,17 +9,24 @@ use super::memory::MemoryBudget;
 use super::observer::Wish;
 use super::steps::Steps;
 use crate::operator::{CpuVector, FromHost, Storage, TransportOperator, adjoint_test};
-use crate::problem::{Paused, Problem, Solved, solve};
+use crate::problem::{OutOfReach, Paused, Problem, Solved, solve};
 use crate::report::Work;
 use crate::scene::{Rgb, SolveSettings};
 use crate::solve::{Control, Outcome, StopReason};
-use crate::{Error, Result};
+use crate::{Error, Result, Warning};
 
 /// The adjoint of this problem is tested with vectors made from this seed.
 const SEED: u64 = 1;
 
 /// An adjoint that is off by more says that the device computes something else: ten thousand roundings of f32.
 const TRUSTED: f64 = 1e-3;
+
+/// A share of what is missing that is worth a word when it is out of reach.
+const UNREACHABLE: f64 = 0.1;
+/// The part of what is looked for in which the pull to the start decides that is worth a word.
+const PULLED: f64 = 0.5;
+/// The part of the squared misfit at the start that must be left for that: a tenth of the wish.
+const MISSED: f64 = 0.01;
 
 /// What is still asked of the operator once elements have been found.
 pub(super) type After<'a, T> = dyn Fn(&dyn FromHost, &[Rgb], &mut Steps<'_>) -> Result<T> + 'a;
@@ -41,6 +48,7 @@ pub(super) struct ProblemSolve<'a> {
 pub(crate) struct Computed {
     pub(crate) coverage: CpuVector,
     pub(crate) adjoint_error: f64,
+    pub(crate) out_of_reach: OutOfReach,
     pub(crate) storage: Storage,
     pub(crate) solved: Solved,
     /// `cpu` or `gpu`, and its name.
@@ -122,7 +130,7 @@ impl ProblemSolve<'_> {
                     return Ok(Control::Stop);
                 }
                 each();
-                let wish = history.progress.last().map(|last| steps.iterated(last, limit));
+                let wish = history.progress.last().map(|last| steps.iterated(last, self.settings));
                 if wish == Some(Wish::Preview) {
                     (self.preview)(&snapshot.elements()?)?;
                 }
@@ -135,11 +143,23 @@ impl ProblemSolve<'_> {
                 Ok(if wish == Some(Wish::Stop) { Control::Stop } else { steps.control() })
             })?;
         tell_of_limit(self.settings, &solved.outcome);
+        let out_of_reach = OutOfReach::new(self.problem, operator, self.settings, &solved.x)?;
+        tell_of_wishes(self.problem, &out_of_reach);
+        tell_of_pull(&coverage, &solved);
         let of_it = after(operator, &solved.x, steps)?;
         let other_bytes = self.memory.beside_rows(self.settings, self.problem)?;
         let (backend, device) = ("cpu", processor());
-        let computed =
-            Computed { coverage, adjoint_error, storage, solved, backend, device, work: None, other_bytes };
+        let computed = Computed {
+            coverage,
+            adjoint_error,
+            out_of_reach,
+            storage,
+            solved,
+            backend,
+            device,
+            work: None,
+            other_bytes,
+        };
         Ok((computed, of_it))
     }
 }
@@ -153,12 +173,48 @@ fn tell_of_limit(settings: &SolveSettings, Outcome { stop, true_normal_residual,
         return;
     }
     let [red, green, blue] = true_normal_residual.map(|part| format!("{part:.1e}"));
-    tracing::warn!(
+    let text = format!(
         "the solve has ended at its limit of {} iterations: its gradient is {red}, {green} and {blue} of its start (red, green, blue), and \
-         {:.0e} is asked for; what is found may still change (raise solve.iterations)",
-        settings.iterations,
-        settings.tolerance
+         {:.0e} is asked for; what is found may still change",
+        settings.iterations, settings.tolerance
     );
+    Warning::new("iteration-limit", text, "raise solve.iterations").tell();
+}
+
+/// Says which part of what is missing nothing could bring.
+fn tell_of_wishes(problem: &dyn Problem, OutOfReach { above, below, missed }: &OutOfReach) {
+    let found = problem.nouns().found;
+    let is_light_map = found == "light map";
+    let darker = match is_light_map {
+        true => {
+            "set a larger `light_map.extent`, from outside of which light comes as it is; or paint less dark"
+        }
+        false => "ask for more there, or lower what else is seen there",
+    };
+    for (share, than, remedy) in
+        [(*above, "brighter", "ask for less there, or raise the upper bound"), (*below, "darker", darker)]
+    {
+        if share > UNREACHABLE && *missed > MISSED {
+            let share = 100.0 * share;
+            let text = format!("{share:.0} % of what is missing is {than} than the {found} can make it");
+            Warning::new("out-of-reach", text, remedy).tell();
+        }
+    }
+}
+
+/// Says where the pull to the start decides more than the pixels do.
+fn tell_of_pull(coverage: &CpuVector, solved: &Solved) {
+    let most = |squares: &Rgb| f64::from(squares.iter().copied().fold(0.0, f32::max));
+    let reached = coverage.0.iter().map(most).filter(|&square| square > 0.0);
+    let (mut all, mut weak) = (0usize, 0usize);
+    reached.for_each(|square| (all, weak) = (all + 1, weak + usize::from(square < solved.weights.tikhonov)));
+    if weak as f64 > PULLED * all as f64 {
+        let share = 100.0 * weak as f64 / all as f64;
+        let text = format!(
+            "for {share:.0} % of what is looked for the pull to the start weighs more than all pixels that show it"
+        );
+        Warning::new("pull-outweighs-data", text, "lower `solve.tikhonov`").tell();
+    }
 }
 
 /// The processor, in words.

@@ -3,6 +3,8 @@
 use super::checkpoint::Keeper;
 use super::observer::Stop;
 #[cfg(feature = "gpu")]
+use crate::Warning;
+#[cfg(feature = "gpu")]
 use crate::gpu::{Choice, Gpu, SimulatedFault, may_have_hardware};
 use crate::problem::Paused;
 use crate::{Error, Result};
@@ -75,7 +77,9 @@ impl Engine {
                 Err(error) => {
                     // To have no adapter is usual; to ask for one that is not there is not.
                     match asked.adapter {
-                        Some(_) => tracing::warn!("{error}; computing on the processor"),
+                        Some(_) => {
+                            Warning::new("adapter", format!("{error}; computing on the processor"), "").tell()
+                        }
                         None => tracing::info!("{error}; computing on the processor"),
                     }
                     Ok(Self::Cpu)
@@ -122,14 +126,12 @@ impl Engine {
         if let Self::Gpu { gpu, or_cpu } = self {
             match work(On::Gpu(gpu.clone()), resumed) {
                 Err(error) if *or_cpu && error.is_of_adapter() => {
-                    tracing::warn!("{error}");
+                    Warning::new("adapter", error.to_string(), "").tell();
                     // What the adapter has saved is not lost: its state is as good as the processor's own.
                     let resumed = checkpoint
                         .and_then(|kept| kept.latest().or_else(|| kept.read().ok().filter(|_| resume)));
-                    tracing::warn!(
-                        "computing on the processor, from {}",
-                        if resumed.is_some() { "the last checkpoint" } else { "the start" }
-                    );
+                    let from = if resumed.is_some() { "the last checkpoint" } else { "the start" };
+                    Warning::new("adapter", format!("computing on the processor, from {from}"), "").tell();
                     *self = Self::Cpu;
                     return work(On::Cpu, resumed);
                 }

@@ -37,6 +37,7 @@ impl Findings<'_> {
             gpu: work.clone(),
             target: match target {
                 Target::Tint => "tint",
+                Target::WhiteTint => "white-tint",
                 Target::Radiance => "radiance",
             }
             .to_owned(),
@@ -64,6 +65,7 @@ impl Findings<'_> {
             memory: self.memory(),
             skipped: self.skipped(pixels),
             adjoint_error: *adjoint_error,
+            out_of_reach: self.computed.out_of_reach.into(),
             coverage: self.covered()?,
             ..Report::default()
         })

@@ -2,20 +2,30 @@
 
 use std::sync::Arc;
 
+use glam::DVec2;
+use serde_json::json;
+
 use super::Options;
 use super::checkpoint::Keeper;
 use super::compute::{Computed, ProblemSolve};
 use super::engine::Engine;
 use super::environment::write_environment;
+use super::exposure::readable;
 use super::findings::{Findings, reached};
 use super::folder::{Folder, Painted, ViewImages};
 use super::memory::{MemoryBudget, painted};
 use super::placement::Placement;
 use super::steps::{Steps, Timings};
+use super::warnings;
+#[cfg(feature = "gpu")]
+use crate::Warning;
+use crate::io::scene_file::Chosen;
 use crate::operator::CpuVector;
-use crate::problem::{Assessment, Assessor, LightMapProblem, Match, Traced, render};
-use crate::report::{self, Change, Report, Share, SunRecord, SurroundingsRecord, ViewMatch};
-use crate::scene::{Environment, Image, Rgb, Scene, Sky, SolveSettings};
+use crate::problem::{Assessment, Assessor, LightMapProblem, Match, Traced, held_back, render};
+use crate::report::{
+    self, Change, HueAngles, LightRecord, Report, Share, SunRecord, SurroundingsRecord, ViewMatch,
+};
+use crate::scene::{Environment, Grid, Image, MapFit, Rgb, Scene, Sky, SolveSettings};
 use crate::visibility::Geometry;
 use crate::{Error, Result};
 
@@ -27,6 +37,7 @@ pub(crate) struct FoundLightMap {
     pub(crate) computed: Computed,
     /// Before and after.
     assessments: [Assessment; 2],
+    light: LightRecord,
     /// None where no pictures were asked for.
     pub(crate) pictures: Vec<ViewImages>,
 }
@@ -42,6 +53,8 @@ pub(super) fn solve(
     steps.begin("tracing", None);
     let problem = trace(scene, engine, options.rasterize, steps)?;
     steps.go_on()?;
+    warnings::tell_of_fog(scene, &problem.maps.geometry);
+    warnings::tell_of_shadow(scene, &problem)?;
     let memory = MemoryBudget::of_light_map(scene);
     let settings = memory.settled(scene.solve.clone(), &problem)?;
     let keeper = |folder| Keeper::new(folder, "checkpoint", &settings, &problem);
@@ -58,12 +71,23 @@ pub(super) fn solve(
         checkpoint: checkpoint.as_ref(),
         preview: &|elements| folder.map_or(Ok(()), |folder| preview(scene, &problem, folder, elements)),
     };
-    let (computed, assessments) = task.run(engine, resumed, steps, &|operator, elements, steps| {
-        steps.begin("assessing", None);
-        let views = scene.views.len();
-        let assessor = Assessor::new(&problem, operator)?;
-        Ok([assessor.assess(&problem.starts(), views)?, assessor.assess(elements, views)?])
-    })?;
+    let (computed, (assessments, held_back)) =
+        task.run(engine, resumed, steps, &|operator, elements, steps| {
+            steps.begin("assessing", None);
+            let views = scene.views.len();
+            let assessor = Assessor::new(&problem, operator)?;
+            let assessments = [assessor.assess(&problem.starts(), views)?, assessor.assess(elements, views)?];
+            Ok((assessments, held_back(&problem, operator, &settings, elements)?))
+        })?;
+    let [texels, _] = problem.parted(&computed.solved.x);
+    let light = LightRecord {
+        brightest: brightest(&problem, texels),
+        outside: problem.share_from_outside(),
+        held_back,
+    };
+    let painted_views = assessments[1].views.iter().filter(|view| view.pixels > 0).count();
+    let missed = computed.out_of_reach.missed;
+    warnings::tell_of_light(scene, &light, (&assessments[1].all, missed), painted_views);
     let pictures = match options.pictures {
         true => {
             steps.begin("rendering", Some(scene.views.len() as u64));
@@ -71,18 +95,19 @@ pub(super) fn solve(
         }
         false => Vec::new(),
     };
-    Ok(FoundLightMap { problem, settings, computed, assessments, pictures })
+    Ok(FoundLightMap { problem, settings, computed, assessments, light, pictures })
 }
 
 impl FoundLightMap {
     pub(super) fn report(&self, scene: &Scene, timings: &Timings) -> Result<Report> {
-        let Self { problem, settings, computed, assessments: [before, after], .. } = self;
+        let Self { problem, settings, computed, assessments: [before, after], light, .. } = self;
         let views = scene.views.iter().zip(&before.views).zip(&after.views);
         let matched = views.filter(|((_, before), _)| before.pixels > 0).map(|((view, before), after)| {
             let change = |of: fn(&Match) -> f64| Change { before: of(before), after: of(after) };
             ViewMatch {
                 view: view.name.clone(),
                 painted_pixels: before.pixels as u64,
+                hue: Some(hue_angles(after)),
                 weighted_residual: change(|it| it.residual),
                 hue_error: Some(change(|it| it.hue_error)),
                 uncontested_hue_error: Some(change(|it| it.uncontested_hue_error)),
@@ -93,6 +118,8 @@ impl FoundLightMap {
         Ok(Report {
             weighted_residual: Change { before: before.all.residual, after: after.all.residual },
             matched: matched.collect(),
+            hue: Some(hue_angles(&after.all)),
+            light: Some(*light),
             surroundings: self.surroundings(scene),
             ..Findings { problem, settings, computed }.report("light-map", about, timings)?
         })
@@ -112,6 +139,48 @@ impl FoundLightMap {
         })
     }
 
+    /// Stops by which its pictures are brightened.
+    fn exposure(&self, scene: &Scene) -> f64 {
+        scene.exposure.unwrap_or_else(|| readable(self.pictures.iter().map(|it| &it.before)))
+    }
+
+    /// Values that were fitted to the scene, and how.
+    pub(super) fn chosen(&self, scene: &Scene) -> Vec<Chosen> {
+        let maps = &self.problem.maps;
+        let extent = |grid: &Grid| {
+            let corner = |corner: DVec2| corner.to_array();
+            json!({ "min": corner(grid.extent.min), "max": corner(grid.extent.max) })
+        };
+        let fitted = match scene.light_map.fit {
+            MapFit::Scattered => {
+                "the smallest rectangle with round corners that holds 95 % of the light that painted pixels scatter, and usually 98 %"
+            }
+            MapFit::Seen => "what rays through painted pixels pass, but not beyond the occluders",
+        };
+        let mut chosen = vec![
+            ("light_map.extent", extent(&maps.light_map), fitted.to_owned()),
+            (
+                "light_map.size",
+                json!(maps.light_map.size),
+                format!("square texels, at most {} of them", scene.light_map.size.iter().product::<usize>()),
+            ),
+            (
+                "shadow_map.extent",
+                extent(maps.shadow_map.grid()),
+                "what the views see, but not beyond the occluders".to_owned(),
+            ),
+        ];
+        if let Some(length) = self.problem.fade_length(scene.solve.fade) {
+            let why = "1/32 of the side of a square as large as the light map".to_owned();
+            chosen.push(("solve.fade", json!(length), why));
+        }
+        if !self.pictures.is_empty() {
+            let why = "all but the brightest tenth of the pictures is no brighter than 0.7 on the screen";
+            chosen.push(("exposure", json!(self.exposure(scene)), why.to_owned()));
+        }
+        chosen.into_iter().map(|(path, value, why)| Chosen { path, value, why }).collect()
+    }
+
     /// The light map, row 0 its top edge as seen upright from the sun.
     pub(super) fn light_map(&self) -> Result<Image> {
         let [texels, _] = self.problem.parted(&self.computed.solved.x);
@@ -122,7 +191,8 @@ impl FoundLightMap {
     pub(super) fn write(&self, scene: &Scene, folder: &Folder) -> Result<report::Pictures> {
         let Self { problem, computed, .. } = self;
         let [_, further] = problem.parted(&computed.solved.x);
-        let views = self.pictures.iter().map(|view| view.write(folder, scene.exposure));
+        let exposure = self.exposure(scene);
+        let views = self.pictures.iter().map(|view| view.write(folder, exposure));
         let in_page = report::Pictures {
             views: views.collect::<Result<_>>()?,
             light_map: Some(folder.write_picture("light_map", &self.light_map()?, exposure_of(problem))?),
@@ -131,7 +201,7 @@ impl FoundLightMap {
                 &coverage_picture(problem, &computed.coverage)?,
                 0.0,
             )?),
-            environment: write_sky(scene, folder, further)?,
+            environment: write_sky((scene, exposure), folder, further)?,
             ..report::Pictures::default()
         };
         folder.write_bytes("light_map.placement.json", Placement::of(&problem.maps).to_json()?.as_bytes())?;
@@ -155,7 +225,7 @@ fn trace(scene: &Scene, engine: &Engine, rasterize: bool, steps: &Steps<'_>) -> 
             let rasterized = crate::problem::Rasterized(gpu.clone());
             match LightMapProblem::of(scene, &geometry, painted.clone(), &rasterized) {
                 Err(error) if *or_cpu && error.is_of_adapter() => {
-                    tracing::warn!("{error}; tracing rays instead");
+                    Warning::new("adapter", format!("{error}; tracing rays instead"), "").tell();
                     LightMapProblem::of(scene, &geometry, painted, &Traced)
                 }
                 problem => problem,
@@ -197,13 +267,13 @@ fn draw(
 }
 
 /// Writes the lights of the sky, where they were looked for; gives back the PNG file.
-fn write_sky(scene: &Scene, folder: &Folder, further: &[Rgb]) -> Result<Option<Vec<u8>>> {
+fn write_sky((scene, exposure): (&Scene, f64), folder: &Folder, further: &[Rgb]) -> Result<Option<Vec<u8>>> {
     let Some(around) = &scene.surroundings else { return Ok(None) };
     let write = |sky: &Sky| {
         // A solver without bounds may leave less than darkness, which nothing emits.
         let lights = around.sky_of(further).iter().map(|color| color.map(|value| value.max(0.0)));
         let found = Environment::lights(sky.basis.clone(), lights.collect())?;
-        write_environment(folder, "environment", &sky.basis, &found, around.sun_of(further), scene.exposure)
+        write_environment(folder, "environment", &sky.basis, &found, around.sun_of(further), exposure)
     };
     around.sky.as_ref().map(write).transpose()
 }
@@ -211,11 +281,24 @@ fn write_sky(scene: &Scene, folder: &Folder, further: &[Rgb]) -> Result<Option<V
 fn preview(scene: &Scene, problem: &LightMapProblem, folder: &Folder, elements: &[Rgb]) -> Result<()> {
     let [texels, _] = problem.parted(elements);
     folder.write_picture("light_map", &light_map_picture(problem, texels)?, exposure_of(problem))?;
-    for (view, seen) in scene.views.iter().enumerate() {
-        let after = render(scene, &problem.maps, Some(elements), view)?.after;
-        folder.write_picture(&format!("{}_after", seen.name), &after, scene.exposure)?;
+    let drawn = (0..scene.views.len()).map(|view| render(scene, &problem.maps, Some(elements), view));
+    let drawn = drawn.collect::<Result<Vec<_>>>()?;
+    let exposure = scene.exposure.unwrap_or_else(|| readable(drawn.iter().map(|it| &it.before)));
+    for (seen, drawn) in scene.views.iter().zip(&drawn) {
+        folder.write_picture(&format!("{}_after", seen.name), &drawn.after, exposure)?;
     }
     folder.publish_preview()
+}
+
+fn hue_angles(matched: &Match) -> HueAngles {
+    let [median, nine_tenths] = matched.hue_quantiles;
+    HueAngles { median, nine_tenths }
+}
+
+/// The brightest channel of any texel, as a multiple of the light's.
+fn brightest(problem: &LightMapProblem, texels: &[Rgb]) -> f64 {
+    let channels = texels.iter().flat_map(|texel| texel.iter().zip(&problem.start));
+    channels.filter(|(_, light)| **light > 0.0).map(|(x, light)| f64::from(x / light)).fold(0.0, f64::max)
 }
 
 fn light_map_picture(problem: &LightMapProblem, texels: &[Rgb]) -> Result<Image> {

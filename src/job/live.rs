@@ -12,9 +12,9 @@ use super::{Job, Options};
 use crate::gpu::GpuOperator;
 use crate::operator::{CpuVector, OnHost, TransportOperator};
 use crate::problem::{
-    Begin, LightMapProblem, Paused, Problem, Solved, Traced, fitted_grids, minimize, paint, pixels, render,
+    Begin, LightMapProblem, Painting, Paused, Problem, Solved, Traced, fit, minimize, paint, pixels, render,
 };
-use crate::scene::{Image, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View};
+use crate::scene::{Image, MapSettings, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View};
 use crate::solve::StopReason;
 use crate::visibility::Geometry;
 use crate::{Error, Result};
@@ -97,9 +97,9 @@ impl LiveJob {
         let mut scene = job.into_light_map()?;
         // Where the maps lie is found once, at the full size, from what is painted at first.
         let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
-        let [light_map, shadow_map] = fitted_grids(&scene, &geometry)?;
-        scene.light_map.extent = Some(light_map.extent);
-        scene.shadow_map.extent = Some(shadow_map.extent);
+        let maps = fit(&scene, &scene.light_map, &geometry)?;
+        scene.light_map = MapSettings { extent: Some(maps.light_map.extent), ..scene.light_map };
+        scene.shadow_map.extent = Some(maps.shadow_map.grid().extent);
         scene.solve.skip.pixels = false;
         let widths: Vec<usize> = scene.views.iter().map(|view| view.camera.size()[0]).collect();
         let views: Result<_> = scene.views.iter().map(|view| seen_at(view, preview)).collect();
@@ -199,7 +199,7 @@ impl LiveJob {
     ///
     /// Errors: [`Error::Empty`] where nothing is painted; those of the method.
     pub fn advance(&mut self, iterations: usize) -> Result<Standing> {
-        if self.problem.constraints.iter().all(|pixel| pixel.weight <= 0.0) {
+        if self.problem.constraints.iter().all(|pixel| !pixel.is_painted()) {
             return Err(Error::Empty {
                 reason: "nothing is painted".to_owned(),
                 remedy: "paint a stroke on a view",
@@ -280,7 +280,7 @@ impl LiveJob {
     /// What is painted on a view.
     ///
     /// Errors: [`Error::Value`] for a view that there is not.
-    pub fn painting(&self, view: &str) -> Result<RgbaImage> {
+    pub fn painting(&self, view: &str) -> Result<Painting> {
         paint(&self.scene.views[self.view(view)?])
     }
 
@@ -335,6 +335,7 @@ fn seen_at(view: &View, preview: Preview) -> Result<View> {
         camera: view.camera.moved(DAffine3::IDENTITY, size)?,
         strokes: view.strokes.iter().cloned().map(|stroke| scaled(stroke, scale)).collect(),
         layers: view.layers.iter().map(|layer| shrunk(layer, size)).collect(),
+        keep: view.keep,
     })
 }
 

@@ -6,7 +6,7 @@ use crate::operator::Tiling;
 use crate::problem::{Constraint, Optics, Problem, constraints, light_bytes, vectors};
 use crate::scene::{Find, KeyFrame, MetricName, RegularizationWeight, Scene, SolveSettings, VolumeScene};
 use crate::visibility::ShadowMap;
-use crate::{Error, Result};
+use crate::{Error, Result, Warning};
 
 const COLOR: usize = size_of::<[f32; 3]>();
 /// Bytes of a painted pixel, or of a wanted one.
@@ -105,9 +105,10 @@ impl MemoryBudget {
         let bytes = metric_bytes(&settings, problem, problem.formulation(&settings)?.elements());
         if bytes > self.allowed / 4 {
             let needed = mebibytes(bytes);
-            tracing::warn!(
+            let text = format!(
                 "solve.metric: the tiles would need {needed}, over a quarter of the memory; using `sqs`"
             );
+            Warning::new("memory", text, "").tell();
             settings.metric = MetricName::Sqs;
         }
         Ok(settings)

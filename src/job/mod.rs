@@ -14,6 +14,7 @@ mod checkpoint;
 mod compute;
 mod engine;
 mod environment;
+mod exposure;
 mod findings;
 mod folder;
 mod held;
@@ -28,6 +29,7 @@ mod plan;
 mod solution;
 mod steps;
 mod volume;
+mod warnings;
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -38,10 +40,10 @@ use crate::io::scene_file::{
     Animated, AnimatedVolume, Document, Resolved, SceneFile, Subject, VolumeDocument,
 };
 use crate::io::volume::Format;
-use crate::problem::{fit, render};
+use crate::problem::{DrawnLight, fit, render_light};
 use crate::scene::{Scene, VolumeScene};
 use crate::visibility::Geometry;
-use crate::{Error, Result, io};
+use crate::{Error, Result, Warning, io, warning};
 
 pub use crate::io::machine::{default_budget, free_memory, peak_memory, processor};
 
@@ -134,6 +136,8 @@ pub struct Options {
     pub pictures: bool,
     /// Pictures of a volume from all around.
     pub turntable: usize,
+    /// What pictures of views under a light map show; those beside a light map that was found show all light.
+    pub light: DrawnLight,
     /// The formats that volumes are written in.
     pub formats: Vec<Format>,
     /// Frames of an animation that are drawn; all by default.
@@ -155,6 +159,7 @@ impl Default for Options {
             checkpoint_every: Duration::from_secs(10),
             pictures: true,
             turntable: 8,
+            light: DrawnLight::All,
             formats: vec![Format::Npy, Format::Vdb],
             frames: None,
             frame_volumes: false,
@@ -174,6 +179,8 @@ pub struct Job {
     options: Options,
     /// Seconds that reading took.
     timings: Timings,
+    /// What was to be known of the files.
+    warnings: Vec<Warning>,
 }
 
 impl Job {
@@ -197,7 +204,14 @@ impl Job {
     /// Errors: as [`Self::open_with`].
     pub fn of_file(file: &SceneFile, overrides: &[String]) -> Result<Self> {
         let clock = Instant::now();
-        let (scenes, resolved): (Scenes, Resolved) = match file.subject() {
+        let (read, warnings) = warning::collected(|| Self::read(file, overrides));
+        let (scenes, resolved) = read?;
+        let reading = ("reading".to_owned(), clock.elapsed().as_secs_f64());
+        Ok(Self { resolved: Some(Arc::new(resolved)), timings: vec![reading], warnings, ..Self::new(scenes) })
+    }
+
+    fn read(file: &SceneFile, overrides: &[String]) -> Result<(Scenes, Resolved)> {
+        Ok(match file.subject() {
             Subject::LightMap => {
                 let (scene, resolved) = file.open::<Document>(overrides)?;
                 tracing::info!(name = scene.name, views = scene.views.len(), "scene");
@@ -217,14 +231,13 @@ impl Job {
                 memory::check_keys(keys)?;
                 (animated.into(), resolved)
             }
-        };
-        let reading = ("reading".to_owned(), clock.elapsed().as_secs_f64());
-        Ok(Self { resolved: Some(Arc::new(resolved)), timings: vec![reading], ..Self::new(scenes) })
+        })
     }
 
     /// From a scene in memory, of which there is no [`Self::resolved`] document.
     pub fn new(scenes: impl Into<Scenes>) -> Self {
-        Self { scenes: scenes.into(), resolved: None, options: Options::default(), timings: Timings::new() }
+        let (options, timings) = (Options::default(), Timings::new());
+        Self { scenes: scenes.into(), resolved: None, options, timings, warnings: Vec::new() }
     }
 
     /// The same with other options.
@@ -301,7 +314,9 @@ impl Job {
         let mut steps = self.steps(observer);
         let mut names = Vec::new();
         let is_whole = match &self.scenes {
-            Scenes::LightMap(scene) => draw(scene, light_map, &folder, &mut steps, &mut names)?,
+            Scenes::LightMap(scene) => {
+                draw(scene, (light_map, self.options.light), &folder, &mut steps, &mut names)?
+            }
             _ => {
                 let (geometry, turns) = (self.scenes.geometry()?, self.options.turntable);
                 let mut is_whole = true;
@@ -330,27 +345,33 @@ impl Job {
 /// The views of a light-map scene; false when somebody stopped it.
 fn draw(
     scene: &Scene,
-    light_map: Option<&Path>,
+    (light_map, light): (Option<&Path>, DrawnLight),
     folder: &Folder,
     steps: &mut Steps<'_>,
     names: &mut Vec<String>,
 ) -> Result<bool> {
     let (mut map, picture) = (scene.light_map.clone(), light_map.map(io::image::read_radiance).transpose()?);
     if let (Some(path), Some(picture)) = (light_map, &picture) {
-        map.size = picture.size();
+        (map.size, map.square_texels) = (picture.size(), false);
         map.extent = Placement::beside(path, map.size, &scene.light.frame())?.or(map.extent);
     }
     steps.begin("tracing", None);
     let maps = fit(scene, &map, &Arc::new(Geometry::new(scene.mesh.clone())?))?;
+    warnings::tell_of_fog(scene, &maps.geometry);
     steps.begin("rendering", Some(scene.views.len() as u64));
-    for (view, seen) in scene.views.iter().enumerate() {
+    let mut drawn = Vec::new();
+    for view in 0..scene.views.len() {
         if steps.stops() {
             return Ok(false);
         }
         let texels = picture.as_ref().map(|picture| &picture.pixels[..]);
-        folder.write_picture(&seen.name, &render(scene, &maps, texels, view)?.after, scene.exposure)?;
-        names.push(format!("{}.png", seen.name));
+        drawn.push(render_light(scene, &maps, texels, view, light)?);
         steps.advance(view as u64 + 1, "");
+    }
+    let exposure = scene.exposure.unwrap_or_else(|| exposure::readable(drawn.iter().map(|it| &it.before)));
+    for (seen, drawn) in scene.views.iter().zip(drawn) {
+        folder.write_picture(&seen.name, &drawn.after, exposure)?;
+        names.push(format!("{}.png", seen.name));
     }
     Ok(true)
 }

@@ -24,6 +24,8 @@ pub struct Iteration<'a> {
     pub progress: &'a Progress,
     /// Iterations at most.
     pub limit: usize,
+    /// The normal residual at which it ends.
+    pub tolerance: f64,
 }
 
 /// What an observer wants after an iteration.

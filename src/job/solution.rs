@@ -12,11 +12,11 @@ use super::peak_memory;
 use super::steps::{Steps, Timings};
 use super::volume::{self, FoundAnimation, FoundVolume};
 use super::{Job, Options, Scenes};
-use crate::io::scene_file::Resolved;
+use crate::io::scene_file::{Chosen, Resolved};
 use crate::problem::{LightMapProblem, VolumeState, render};
 use crate::report::{self, Certificate, Coverage, Report};
 use crate::scene::{Image, Scene, VolumeScene};
-use crate::{Error, Result};
+use crate::{Error, Result, Warning, warning};
 
 /// What was looked for, as it was found.
 enum Found {
@@ -58,6 +58,13 @@ pub struct Written {
 
 impl Solution {
     pub(super) fn find(job: &Job, observer: &mut dyn Observer) -> Result<Self> {
+        let (found, told) = warning::collected(|| Self::found(job, observer));
+        let mut found = found?;
+        found.report.warnings = job.warnings.iter().cloned().chain(told).collect();
+        Ok(found)
+    }
+
+    fn found(job: &Job, observer: &mut dyn Observer) -> Result<Self> {
         let options = &job.options;
         let mut engine = Engine::open(&options.engine, &options.stop)?;
         let owner = (job.scenes.command(), job.scenes.name().to_owned());
@@ -189,13 +196,15 @@ impl Solution {
         };
         let mut steps = Steps::new(observer, &self.options.stop, self.timings.clone());
         steps.begin("writing", None);
-        let (in_page, drawn) = self.found.write(&self.options, folder, &mut steps)?;
+        let (written, told) = warning::collected(|| self.found.write(&self.options, folder, &mut steps));
+        let (in_page, drawn) = written?;
         // Of the others everything is written, whoever asks to stop now.
         let leaves_frames_out = matches!(self.found, Found::Animation(_)) && steps.stops();
         let is_interrupted = self.is_interrupted() || leaves_frames_out;
         let total = self.total() + clock.elapsed().as_secs_f64();
         let timings = steps.finish().into_iter().chain([("total".to_owned(), total)]);
         let mut report = Report { timings: timings.collect(), ..self.report.clone() };
+        report.warnings.extend(told);
         report.memory.extend(peak_memory().map(|peak| ("peak".to_owned(), peak)));
         if let Some(animation) = &mut report.animation {
             animation.drawn = drawn as u64;
@@ -203,7 +212,7 @@ impl Solution {
         folder.write_bytes("report.json", report.to_json()?.as_bytes())?;
         folder.write_bytes("report.html", report::html(&report, &in_page)?.as_bytes())?;
         if let Some(resolved) = &self.resolved {
-            write_resolved(resolved, folder)?;
+            write_resolved(resolved, &self.found.chosen(), folder)?;
         }
         match self.options.frames.is_some() || leaves_frames_out {
             true => folder.finish_some()?,
@@ -219,11 +228,11 @@ impl Solution {
 }
 
 /// Writes what was asked. Where a file has a name that JSON cannot hold it is left out: the results are worth more.
-fn write_resolved(resolved: &Resolved, folder: &Folder) -> Result<()> {
-    match resolved.text_in(folder.path()) {
+fn write_resolved(resolved: &Resolved, chosen: &[Chosen], folder: &Folder) -> Result<()> {
+    match resolved.text_in(folder.path(), chosen) {
         Ok(text) => folder.write_bytes("scene.resolved.json", text.as_bytes()),
         Err(error) => {
-            tracing::warn!("scene.resolved.json is left out: {error}");
+            Warning::new("left-out", format!("scene.resolved.json is left out: {error}"), "").tell();
             Ok(())
         }
     }
@@ -235,6 +244,14 @@ impl Found {
             Self::LightMap(scene, found) => found.report(scene, timings),
             Self::Volume(scene, found) => found.report(scene, timings),
             Self::Animation(found) => found.report(timings),
+        }
+    }
+
+    /// Values that the scene file has not, and that were fitted to it.
+    fn chosen(&self) -> Vec<Chosen> {
+        match self {
+            Self::LightMap(scene, found) => found.chosen(scene),
+            Self::Volume(..) | Self::Animation(_) => Vec::new(),
         }
     }
 

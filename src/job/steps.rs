@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::observer::{Iteration, Observer, Step, Stop, Wish};
+use crate::scene::SolveSettings;
 use crate::solve::{Control, Progress};
 use crate::{Error, Result};
 
@@ -41,9 +42,10 @@ impl<'a> Steps<'a> {
         self.observer.advances(done, remark);
     }
 
-    /// Tells of an iteration, of at most so many.
-    pub(crate) fn iterated(&mut self, progress: &Progress, limit: usize) -> Wish {
-        self.observer.iterated(&Iteration { progress, limit })
+    /// Tells of an iteration of a solve with these settings.
+    pub(crate) fn iterated(&mut self, progress: &Progress, settings: &SolveSettings) -> Wish {
+        let SolveSettings { iterations: limit, tolerance, .. } = *settings;
+        self.observer.iterated(&Iteration { progress, limit, tolerance })
     }
 
     /// Whether somebody wants to stop.

@@ -143,13 +143,13 @@ impl LightMapTraversal {
 
     /// The ray of a row with its lit stretches, which are found once and can be used more than once.
     pub fn lit_ray(&self, row: usize) -> LitRay<'_> {
-        let (ray, mut stretches) = (&self.rays[row], Vec::new());
-        shadow_ray::<f64>(ray, &self.transport.shadow_map).lit_stretches(
-            0.0,
-            self.end(ray),
-            &mut |start, end| stretches.push([start, end]),
-        );
-        LitRay { transport: &self.transport, ray, end: self.end(ray), stretches }
+        let (ray, end) = (&self.rays[row], self.end(&self.rays[row]));
+        LitRay {
+            transport: &self.transport,
+            ray,
+            end,
+            stretches: lit_stretches(ray, &self.transport.shadow_map, end),
+        }
     }
 
     /// The weight of light that reaches the row from outside the light map, exact whatever the quadrature.
@@ -208,6 +208,13 @@ impl LightMapTraversal {
     fn weight_between(&self, ray: &ViewRay, a: f64, b: f64) -> [f64; 3] {
         weight_between(ray, self.transport.sigma_t, &self.transport.shadow_map, [a, b])
     }
+}
+
+/// The stretches of a ray up to `end` metres that a light reaches, in its frame and in metres from the eye.
+pub fn lit_stretches(ray: &ViewRay, shadow_map: &ShadowMap, end: f64) -> Vec<[f64; 2]> {
+    let mut stretches = Vec::new();
+    shadow_ray::<f64>(ray, shadow_map).lit_stretches(0.0, end, &mut |from, to| stretches.push([from, to]));
+    stretches
 }
 
 /// The weight of a light's scattered light from between a and b metres along a ray in its frame, where its shadow map lets it pass.

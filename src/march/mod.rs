@@ -12,7 +12,9 @@ mod volume;
 
 pub use exponential::{SERIES_0, SERIES_2};
 pub use further_weights::{FurtherRows, FurtherWeights, Reflected};
-pub use light_map::{LightMapTransport, LightMapTraversal, LitRay, RowExtent, ViewRay, weight_between};
+pub use light_map::{
+    LightMapTransport, LightMapTraversal, LitRay, RowExtent, ViewRay, lit_stretches, weight_between,
+};
 #[cfg(feature = "gpu")]
 pub(crate) use volume::{CellRay, Line};
 pub use volume::{

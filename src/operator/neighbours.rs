@@ -15,7 +15,7 @@ pub struct Neighbours {
     /// The unknown at the beginning of each edge, and the one at its end, one further along an axis.
     tails: Arc<[u32]>,
     heads: Arc<[u32]>,
-    /// For every axis and unknown the edge that ends there, and the one that begins there, or [`NOWHERE`].
+    /// For every list of edges and every unknown the edge that ends there, and the one that begins there, or [`NOWHERE`].
     into: Vec<Arc<[u32]>>,
     out_of: Vec<Arc<[u32]>>,
 }
@@ -35,10 +35,8 @@ impl Neighbours {
                 return Err(Error::value("columns", column, "different elements"));
             }
         }
-        let (mut tails, mut heads) = (Vec::new(), Vec::new());
-        let (mut into, mut out_of) = (Vec::new(), Vec::new());
-        for axis in 0..lattices.axes() {
-            let (mut ends, mut begins) = (vec![NOWHERE; columns.len()], vec![NOWHERE; columns.len()]);
+        let pairs = (0..lattices.axes()).map(|axis| {
+            let mut pairs = Vec::new();
             for (&column, tail) in columns.iter().zip(0u32..) {
                 let Some((_, size, within)) = lattices.locate(column) else { continue };
                 let Some(&side) = size.get(axis) else { continue };
@@ -46,16 +44,42 @@ impl Neighbours {
                 if (within / stride) % side + 1 == side || unknown[column as usize + stride] == NOWHERE {
                     continue;
                 }
-                let head = unknown[column as usize + stride];
+                pairs.push([tail, unknown[column as usize + stride]]);
+            }
+            pairs
+        });
+        Ok(Self::of_pairs(columns.len(), &pairs.collect::<Vec<_>>()))
+    }
+
+    /// So many unknown elements, of which these pairs lie side by side along each axis. An element may be in several pairs, but in few at
+    /// either end.
+    pub fn of_pairs(elements: usize, axes: &[Vec<[u32; 2]>]) -> Self {
+        let (mut tails, mut heads) = (Vec::new(), Vec::new());
+        let mut into: Vec<Arc<[u32]>> = Vec::new();
+        let mut out_of: Vec<Arc<[u32]>> = Vec::new();
+        for pairs in axes {
+            // Lists in which every element has room for one edge at either end; as many as the pairs need.
+            let mut lists: Vec<[Vec<u32>; 2]> = Vec::new();
+            for &[tail, head] in pairs {
                 let edge = tails.len() as u32;
-                (begins[tail as usize], ends[head as usize]) = (edge, edge);
                 tails.push(tail);
                 heads.push(head);
+                let is_free = |[ends, begins]: &[Vec<u32>; 2]| {
+                    ends[head as usize] == NOWHERE && begins[tail as usize] == NOWHERE
+                };
+                let list = lists.iter().position(is_free).unwrap_or_else(|| {
+                    lists.push([vec![NOWHERE; elements], vec![NOWHERE; elements]]);
+                    lists.len() - 1
+                });
+                let [ends, begins] = &mut lists[list];
+                (begins[tail as usize], ends[head as usize]) = (edge, edge);
             }
-            into.push(ends.into());
-            out_of.push(begins.into());
+            for [ends, begins] in lists {
+                into.push(ends.into());
+                out_of.push(begins.into());
+            }
         }
-        Ok(Self { elements: columns.len(), tails: tails.into(), heads: heads.into(), into, out_of })
+        Self { elements, tails: tails.into(), heads: heads.into(), into, out_of }
     }
 
     /// The number of pairs.
@@ -94,7 +118,7 @@ pub struct Gradient<V: Indexed> {
     prototype: V,
     tails: V::Index,
     heads: V::Index,
-    /// Of each axis the edges that end at an element, and those that begin there.
+    /// Of each list the edges that end at an element, and those that begin there.
     axes: Vec<[V::Index; 2]>,
 }
 

@@ -15,11 +15,14 @@ const CONTESTED: f32 = 0.25;
 pub struct Match {
     /// Painted pixels.
     pub pixels: usize,
-    /// √(Σ w ‖L − L_target‖² / Σ w ‖L_target‖²), L the radiance that the paint is about and w its alpha.
+    /// √(Σ w ‖L − L_target‖² / Σ w ‖L_target‖²), L the radiance that the paint is about and w its weight. Where the paint asks for darkness
+    /// it is relative to the plain light.
     pub residual: f64,
-    /// Mean angle between the hue shown and the hue painted, in degrees, over lit pixels whose paint has a hue.
+    /// Mean angle between the hue shown and the hue wanted, in degrees, over lit pixels of which a hue is wanted.
     /// Grey counts as 90°, the mean over all hues that might have been meant.
     pub hue_error: f64,
+    /// The angle that half of those pixels exceed, by weight, and the one that a tenth of them exceeds.
+    pub hue_quantiles: [f64; 2],
     /// The same over the pixels that are not contested: no stroke of another hue pulls at the same texels.
     pub uncontested_hue_error: f64,
     /// Painted pixels that are contested.
@@ -62,14 +65,15 @@ impl<'a> Assessor<'a> {
         let mut all = Sums::default();
         let mut by_view = vec![Sums::default(); views];
         for (row, pixel) in self.problem.constraints.iter().enumerate() {
-            if pixel.weight <= 0.0 {
+            if !pixel.is_painted() {
                 continue;
             }
             let known = self.problem.known_radiance[row];
             shown[row] = std::array::from_fn(|c| shown[row][c] + known[c]);
             let target = self.problem.wanted(row);
             for sums in [&mut all, &mut by_view[pixel.view]] {
-                sums.add(shown[row], target, pixel.color, f64::from(pixel.weight), self.contested[row]);
+                let plain = self.problem.plain[row];
+                sums.add([shown[row], target, plain], f64::from(pixel.weight), self.contested[row]);
             }
         }
         let views = by_view.into_iter().map(Sums::finish).collect();
@@ -77,30 +81,35 @@ impl<'a> Assessor<'a> {
     }
 }
 
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 struct Sums {
     pixels: usize,
     contested: usize,
     squares: f64,
     targets: f64,
+    plain: f64,
     /// Weight and weighted hue error, over all pixels and over those that are not contested.
     hue: [[f64; 2]; 2],
+    /// Hue errors of single pixels and their weights.
+    angles: Vec<[f64; 2]>,
 }
 
 impl Sums {
-    fn add(&mut self, shown: Rgb, target: Rgb, painted: Rgb, weight: f64, contested: bool) {
+    fn add(&mut self, [shown, target, plain]: [Rgb; 3], weight: f64, contested: bool) {
         self.pixels += 1;
         self.contested += usize::from(contested);
         for c in 0..3 {
             self.squares += weight * f64::from(shown[c] - target[c]).powi(2);
             self.targets += weight * f64::from(target[c]).powi(2);
+            self.plain += weight * f64::from(plain[c]).powi(2);
         }
         let lit = target.iter().any(|&value| value > 1e-6);
-        if let (true, Some(want)) = (lit, hue(painted, SATURATED)) {
+        if let (true, Some(want)) = (lit, hue(target, SATURATED)) {
             let error = hue(shown, 0.0).map_or(90.0, |have| {
                 let turn = (have - want).to_degrees().rem_euclid(360.0);
                 f64::from(turn.min(360.0 - turn))
             });
+            self.angles.push([error, weight]);
             for sums in &mut self.hue[..if contested { 1 } else { 2 }] {
                 sums[0] += weight;
                 sums[1] += weight * error;
@@ -108,13 +117,26 @@ impl Sums {
         }
     }
 
-    fn finish(self) -> Match {
+    fn finish(mut self) -> Match {
         let mean = |[weight, sum]: [f64; 2]| if weight > 0.0 { sum / weight } else { 0.0 };
-        let residual = if self.targets > 0.0 { (self.squares / self.targets).sqrt() } else { 0.0 };
+        let whole = if self.targets > 0.0 { self.targets } else { self.plain };
+        let residual = if whole > 0.0 { (self.squares / whole).sqrt() } else { 0.0 };
+        self.angles.sort_unstable_by(|[a, _], [b, _]| a.total_cmp(b));
+        let of_hue = self.hue[0][0];
+        let quantile = |part: f64| {
+            let mut below = 0.0;
+            let angle = self.angles.iter().find(|[_, weight]| {
+                below += weight;
+                below >= part * of_hue
+            });
+            angle.or(self.angles.last()).map_or(0.0, |[angle, _]| *angle)
+        };
+        let hue_quantiles = [quantile(0.5), quantile(0.9)];
         Match {
             pixels: self.pixels,
             residual,
             hue_error: mean(self.hue[0]),
+            hue_quantiles,
             uncontested_hue_error: mean(self.hue[1]),
             contested: self.contested,
         }
@@ -129,7 +151,8 @@ fn contested(problem: &LightMapProblem, operator: &dyn FromHost) -> Result<Vec<b
     // One transport for all three quantities, for coloured media have three.
     let arriving = |part: fn(f32) -> f32| -> Result<Vec<f32>> {
         let sent = problem.constraints.iter().map(|pixel| {
-            let value = hue(pixel.color, SATURATED).map_or(0.0, |angle| part(angle) * pixel.weight);
+            let weight = pixel.weight * pixel.opacity;
+            let value = hue(pixel.color, SATURATED).map_or(0.0, |angle| part(angle) * weight);
             [value; 3]
         });
         let texels = operator.arriving(&sent.collect::<Vec<Rgb>>())?;

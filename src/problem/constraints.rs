@@ -1,7 +1,11 @@
-use crate::scene::{Rgb, Scene};
+use super::Painting;
+use crate::scene::{Opacity, Rgb, Scene};
 use crate::{Error, Result};
 
-/// One painted pixel: a row of the problem.
+/// Pixels without paint that are kept as they are: one in so many along each axis, with the weight of all.
+const KEPT_STRIDE: usize = 4;
+
+/// One painted pixel, or one that should stay as it is: a row of the problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Constraint {
     /// Index of the view.
@@ -10,10 +14,19 @@ pub struct Constraint {
     pub x: usize,
     /// Row of the pixel.
     pub y: usize,
-    /// The painted colour: dimensionless for `tint`, radiance for `radiance`.
+    /// The painted colour: radiance for [`Target::Radiance`](crate::scene::Target), else dimensionless.
     pub color: Rgb,
-    /// The painted alpha, in (0, 1]; 0 of pixels that are not painted, where they are not skipped.
+    /// How far the wish goes from what is there to the painted colour, from 0 to 1; 0 where nothing is painted.
+    pub opacity: f32,
+    /// The weight of the wish, from 0 to 1, or that of several pixels that should stay as they are; 0 where nothing is wished.
     pub weight: f32,
+}
+
+impl Constraint {
+    /// Whether it is painted.
+    pub fn is_painted(&self) -> bool {
+        self.opacity > 0.0 && self.weight > 0.0
+    }
 }
 
 /// What is known of the light that rows show, before anything is looked for.
@@ -23,17 +36,19 @@ pub struct Constraint {
 pub(super) struct RowRadiance {
     /// The constant share of a row, which no unknown changes.
     pub(super) known: Vec<Rgb>,
-    /// What a row would show, were each light as bright as it is, but white: what a tint is relative to.
+    /// What a row shows under the lights as they are: what a tint is relative to.
+    pub(super) plain: Vec<Rgb>,
+    /// What it would show, were each light as bright as it is, but white.
     pub(super) white: Vec<Rgb>,
 }
 
-/// All painted pixels, view by view, row by row. Pixels without paint are among them where [`Skipping`](crate::scene::Skipping) does
-/// not skip them.
+/// All painted pixels, view by view, row by row, and those that should stay as they are. All other pixels are among them, too, where
+/// [`Skipping`](crate::scene::Skipping) does not skip them.
 ///
 /// Errors: [`Error::Empty`] when nothing is painted.
 pub fn constraints(scene: &Scene) -> Result<Vec<Constraint>> {
     let constraints = pixels(scene)?;
-    if constraints.iter().all(|pixel| pixel.weight <= 0.0) {
+    if !constraints.iter().any(Constraint::is_painted) {
         return Err(Error::Empty {
             reason: "no pixel is painted in any view".to_owned(),
             remedy: "add strokes or layers to at least one view",
@@ -49,13 +64,36 @@ pub fn pixels(scene: &Scene) -> Result<Vec<Constraint>> {
     let mut constraints = Vec::new();
     for (view, painted) in scene.views.iter().enumerate() {
         let painting = super::paint(painted)?;
-        let width = painting.size()[0];
-        for (index, &[r, g, b, weight]) in painting.pixels.iter().enumerate() {
-            if weight > 0.0 || !scene.solve.skip.pixels {
-                let (x, y) = (index % width, index / width);
-                constraints.push(Constraint { view, x, y, color: [r, g, b], weight });
+        let [width, height] = painting.colors.size();
+        for index in 0..width * height {
+            let pixel = Constraint { view, x: index % width, y: index / width, ..UNPAINTED };
+            let pixel = wished(pixel, &painting, (scene.opacity, painted.keep));
+            if pixel.weight > 0.0 || !scene.solve.skip.pixels {
+                constraints.push(pixel);
             }
         }
     }
     Ok(constraints)
+}
+
+const UNPAINTED: Constraint = Constraint { view: 0, x: 0, y: 0, color: [1.0; 3], opacity: 0.0, weight: 0.0 };
+
+/// What is wished of a pixel of a painted picture.
+pub(super) fn wished(
+    Constraint { view, x, y, .. }: Constraint,
+    painting: &Painting,
+    (meaning, keep): (Opacity, f32),
+) -> Constraint {
+    let index = y * painting.colors.size()[0] + x;
+    let [r, g, b, opacity] = painting.colors.pixels[index];
+    let (opacity, weight) = match meaning {
+        _ if opacity <= 0.0 => {
+            let is_kept = [x, y].iter().all(|along| along % KEPT_STRIDE == KEPT_STRIDE / 2);
+            let weight = if is_kept { keep * (KEPT_STRIDE * KEPT_STRIDE) as f32 } else { 0.0 };
+            return Constraint { view, x, y, weight, ..UNPAINTED };
+        }
+        Opacity::Strength => (painting.strengths[index], painting.coverage[index] * painting.weights[index]),
+        Opacity::Weight => (1.0, opacity * painting.weights[index]),
+    };
+    Constraint { view, x, y, color: [r, g, b], opacity, weight }
 }

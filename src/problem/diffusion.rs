@@ -55,24 +55,35 @@ pub fn diffuse<F: Real>(size: &[usize], known: &Known, empty: &[u32], limits: &L
     let texels = CpuVector::<F>(rim.colors.iter().map(wide).collect());
     let gradient =
         Gradient::new(Arc::new(Neighbours::new(Lattices::new([size.to_vec()]), &rim.places)?), &texels)?;
-    // min ‖G (E y + x)‖² over the empty places y, x being zero there.
-    let mut rhs = gradient.range();
-    gradient.apply(&texels, &mut rhs)?;
-    rhs.scale([-1.0; 3]);
-    let operator = Restricted::new(&gradient, columns)?;
     let start = CpuVector(nearest_mean(size, known, empty).iter().map(wide).collect());
-    let mut method = Cgls::new(&operator);
-    let least_squares = LeastSquares::new(&operator, &rhs);
-    let outcome =
-        drive(&mut method, &least_squares, Beginning::At(&start), limits, |_, _| Ok(Control::Continue))?;
+    let (colors, iterations) = at_rest(&gradient, &texels, columns, &start, limits)?;
     let range = range(known.colors);
     let inside = |color: &[F; 3]| -> Rgb {
         std::array::from_fn(|c| (color[c].wide() as f32).clamp(range[0][c], range[1][c]))
     };
-    Ok(Diffused {
-        colors: method.solution().0.iter().map(inside).collect(),
-        iterations: outcome.stop.iteration,
-    })
+    Ok(Diffused { colors: colors.0.iter().map(inside).collect(), iterations })
+}
+
+/// The values `y` of some elements, the `columns`, that make ‖G x‖² least, x being `known` elsewhere and zero there; and the steps that took.
+pub(super) fn at_rest<F: Real>(
+    gradient: &impl LinearOperator<Domain = CpuVector<F>, Range = CpuVector<F>>,
+    known: &CpuVector<F>,
+    columns: Arc<[u32]>,
+    start: &CpuVector<F>,
+    limits: &Limits,
+) -> Result<(CpuVector<F>, usize)> {
+    // min ‖G (E y + x)‖² over y.
+    let mut rhs = gradient.range();
+    gradient.apply(known, &mut rhs)?;
+    rhs.scale([-1.0; 3]);
+    let operator = Restricted::new(gradient, columns)?;
+    let mut method = Cgls::new(&operator);
+    let least_squares = LeastSquares::new(&operator, &rhs);
+    let outcome =
+        drive(&mut method, &least_squares, Beginning::At(start), limits, |_, _| Ok(Control::Continue))?;
+    let mut found = start.zeros_like();
+    found.copy_from(method.solution());
+    Ok((found, outcome.stop.iteration))
 }
 
 fn wide<F: Real>(color: &Rgb) -> [F; 3] {
@@ -124,7 +135,7 @@ impl Rim {
 
 /// For every empty place the mean of the known places near it: those in the smallest block around it that has any. The diffusion begins
 /// there, so that it need not travel far; where it does not arrive, that is kept.
-fn nearest_mean(size: &[usize], known: &Known, empty: &[u32]) -> Vec<Rgb> {
+pub(super) fn nearest_mean(size: &[usize], known: &Known, empty: &[u32]) -> Vec<Rgb> {
     let mut levels: Vec<BlockSums> = Vec::new();
     let mut first = BlockSums::above(size);
     for (&place, &[r, g, b]) in known.places.iter().zip(known.colors) {

@@ -1,10 +1,11 @@
 use std::sync::Arc;
 
-use super::sight::{Sight, grid, occluded};
+use super::scattered::Scattered;
+use super::sight::{Sight, grid, occluded, seen_and_occluded};
 use super::sky::sky_beams;
 use super::surfaces::lengths;
 use super::{Constraint, SkyBeam, Surfaces, Traced};
-use crate::scene::{Grid, LightFrame, MapSettings, Scene};
+use crate::scene::{Grid, LightFrame, MapFit, MapSettings, Scene};
 use crate::visibility::{Geometry, ShadowMap};
 use crate::{Error, Result};
 
@@ -23,25 +24,16 @@ pub struct Maps {
     pub sky: Arc<[SkyBeam]>,
 }
 
-/// Fits the maps to what is seen where `light_map` and the scene do not set them, and renders the shadow maps. `geometry` is the hierarchy
-/// over the scene's triangles.
+/// Fits the maps to what is painted and seen where `light_map` and the scene do not set them, and renders the shadow maps. `geometry` is the
+/// hierarchy over the scene's triangles.
 ///
-/// The light map covers the rays through painted pixels, or all that views see where nothing is painted. The shadow maps cover all that
-/// views see. Neither goes beyond the geometry, which alone casts shadows.
+/// The light map covers the light that painted pixels scatter, or all that views see where nothing is painted ([`MapFit`] has another way).
+/// The shadow maps cover all that views see, but not beyond the geometry, which alone casts shadows.
 ///
 /// Errors: [`Error::Value`] for an extent without area.
 pub fn fit(scene: &Scene, light_map: &MapSettings, geometry: &Arc<Geometry>) -> Result<Maps> {
     let (constraints, lengths) = painted(scene, geometry)?;
     fit_to(scene, light_map, geometry, &constraints, &lengths, &Traced)
-}
-
-/// Where [`fit`] puts the light map and the shadow map, without rendering anything into them: two grids in metres across the light.
-///
-/// Errors: as [`fit`].
-pub fn fitted_grids(scene: &Scene, geometry: &Geometry) -> Result<[Grid; 2]> {
-    let (constraints, lengths) = painted(scene, geometry)?;
-    let placed = Placed::new(scene, &scene.light_map, geometry, &constraints, &lengths)?;
-    Ok([placed.light_map, placed.shadow_map])
 }
 
 /// The painted pixels of a scene, which may be none, and the lengths of their rays in metres.
@@ -54,40 +46,6 @@ fn painted(scene: &Scene, geometry: &Geometry) -> Result<(Vec<Constraint>, Vec<f
     Ok((constraints, lengths))
 }
 
-/// Where the maps lie, and what they were fitted to.
-struct Placed {
-    frame: LightFrame,
-    sight: Sight,
-    /// Whether anything casts a shadow.
-    is_occluded: bool,
-    light_map: Grid,
-    shadow_map: Grid,
-}
-
-impl Placed {
-    fn new(
-        scene: &Scene,
-        light_map: &MapSettings,
-        geometry: &Geometry,
-        constraints: &[Constraint],
-        lengths: &[f64],
-    ) -> Result<Self> {
-        let frame = scene.light.frame();
-        let occluded = occluded(&scene.mesh, &frame);
-        let painted = Sight::of_painted(scene, constraints, lengths);
-        let sight = Sight::of_views(scene, geometry).and(&painted);
-        let seen = sight.over(&frame);
-        let over_light = if constraints.is_empty() { seen } else { painted.over(&frame) };
-        Ok(Self {
-            frame,
-            sight,
-            is_occluded: occluded.has_area(),
-            light_map: grid(light_map, over_light, occluded)?,
-            shadow_map: grid(&scene.shadow_map, seen, occluded)?,
-        })
-    }
-}
-
 /// The maps of constraints whose rays have these lengths, in metres.
 pub(super) fn fit_to(
     scene: &Scene,
@@ -97,12 +55,24 @@ pub(super) fn fit_to(
     lengths: &[f64],
     surfaces: &dyn Surfaces,
 ) -> Result<Maps> {
-    let Placed { frame, sight, is_occluded, light_map, shadow_map } =
-        Placed::new(scene, light_map, geometry, constraints, lengths)?;
-    let shadow_map = match is_occluded {
-        true => surfaces.shadow_map(geometry, &frame, shadow_map)?,
-        false => ShadowMap::open(shadow_map),
+    let frame = scene.light.frame();
+    let occluded = occluded(&scene.mesh, &frame);
+    let painted = Sight::of_painted(scene, constraints, lengths);
+    let sight = Sight::of_views(scene, geometry).and(&painted);
+    let seen = sight.over(&frame);
+    let grid = grid(&scene.shadow_map, || seen_and_occluded(seen, occluded))?;
+    let shadow_map = match occluded.has_area() {
+        true => surfaces.shadow_map(geometry, &frame, grid)?,
+        false => ShadowMap::open(grid),
     };
+    let light_map = super::sight::grid(light_map, || {
+        let over_paint = if constraints.is_empty() { seen } else { painted.over(&frame) };
+        let scattered = || Scattered::new(scene, (&frame, &shadow_map), constraints, lengths).extent();
+        match light_map.fit {
+            MapFit::Seen => seen_and_occluded(over_paint, occluded),
+            MapFit::Scattered => scattered().unwrap_or_else(|| seen_and_occluded(over_paint, occluded)),
+        }
+    })?;
     let sky = sky_beams(scene, geometry, &sight)?;
     let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };
     let geometry = geometry.clone();

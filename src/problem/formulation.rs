@@ -33,6 +33,11 @@ pub struct Part<'a> {
     pub pull: f64,
     /// Which elements lie beside which; none for elements without neighbours.
     pub lattice: Option<Lattice<'a>>,
+    /// Elements that the gradient joins to those that a row reaches, by their numbers within the part, in increasing order; a pull to their
+    /// start lets what was found fade in them. Only of the first part, on a plane lattice, with one start for all.
+    pub joined: &'a [u32],
+    /// λ of that pull where it is not reached, relative to that of the gradient: 1 / ℓ², ℓ the length in elements over which it fades.
+    pub fade: f64,
     /// Number of the group of parts whose λ is relative to one mean column norm. Columns of another group may be far longer.
     pub scale: usize,
 }

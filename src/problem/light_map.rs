@@ -2,9 +2,10 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::constraints::RowRadiance;
+use super::constraints::{RowRadiance, wished};
 use super::extents::fit_to;
 use super::fill::fill;
+use super::lit_texels::lit_texels;
 #[cfg(feature = "gpu")]
 use super::looked_for::on_gpu;
 use super::looked_for::{Nouns, explicit, on_host, row_of};
@@ -12,8 +13,8 @@ use super::solved::not_finite;
 use super::surfaces::lengths;
 use super::surroundings::AllLight;
 use super::{
-    Constraint, Formulation, Lattice, Maps, Part, Problem, Solved, Start, Surfaces, Traced, Unskipped,
-    constraints,
+    Constraint, Formulation, Lattice, Maps, Painting, Part, Problem, Solved, Start, Surfaces, Traced,
+    Unskipped, constraints,
 };
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
@@ -21,7 +22,10 @@ use crate::march::{FurtherWeights, LightMapTransport, LightMapTraversal, ViewRay
 use crate::operator::{CpuVector, OnHost, WalkPlan};
 #[cfg(feature = "gpu")]
 use crate::operator::{RowTable, Sum};
-use crate::scene::{Quadrature, Rgb, RgbaImage, Scene, SolveSettings, Strategy, Target, luminance, rgb};
+use crate::scene::{
+    Fade, Opacity, Quadrature, RegularizationWeight, Rgb, Scene, SolveSettings, Strategy, Target, luminance,
+    rgb,
+};
 use crate::sparse::ExplicitMatrix;
 use crate::visibility::{Geometry, ShadowMap};
 use crate::{Error, Result};
@@ -43,14 +47,22 @@ pub struct LightMapProblem {
     pub targets: Vec<Rgb>,
     /// The radiance of each row that no unknown changes: what comes from outside the light map and is not looked for.
     pub known_radiance: Vec<Rgb>,
-    /// The radiance of each row under lights as bright as they are, but white: what a tint is relative to.
+    /// The radiance of each row under the lights as they are.
+    pub plain: Vec<Rgb>,
+    /// The radiance of each row under lights as bright as they are, but white.
     white: Vec<Rgb>,
     /// What a painted colour asks for.
     rule: Target,
+    /// What the opacity of paint asks for.
+    opacity: Opacity,
+    /// The weight of pixels of each view that should stay as they are.
+    keep: Vec<f32>,
     /// What the light map starts from: the radiance of the light.
     pub start: Rgb,
     /// What the elements behind the texels start from: the sun, where it is looked for, then the lights of the sky.
     pub further_start: Vec<Rgb>,
+    /// The texels that some view sees lit; none where nothing spreads to them.
+    lit: Arc<[u32]>,
     /// What walking the rows will take.
     plan: WalkPlan,
     grey: bool,
@@ -91,7 +103,7 @@ impl LightMapProblem {
             .collect();
         let traversal = LightMapTraversal::new(transport(scene, &maps, scene.solve.quadrature), rays);
         let start = scene.light.radiance;
-        let (traversal, RowRadiance { known: known_radiance, white }) =
+        let (traversal, RowRadiance { known: known_radiance, plain, white }) =
             match AllLight::new(scene, &maps, &constraints, &hits, &traversal)? {
                 None => {
                     let radiance = of_scattered_light(&traversal, start)?;
@@ -99,10 +111,17 @@ impl LightMapProblem {
                 }
                 Some(AllLight { further, radiance }) => (traversal.with_further(Arc::new(further)), radiance),
             };
-        let rows = constraints.iter().zip(&white).zip(&known_radiance);
-        let targets = rows.map(|((pixel, white), known)| target(scene.target, pixel, white, known)).collect();
+        let rows = constraints.iter().zip(&plain).zip(&white).zip(&known_radiance);
+        let targets = rows.map(|(((pixel, plain), white), known)| {
+            let wanted = wanted(scene.target, pixel, [plain, white]);
+            rgb(|c| wanted[c] - known[c])
+        });
+        let targets = targets.collect();
         let grey = scene.medium.is_grey() && traversal.further_weights().is_none_or(|shown| shown.is_grey());
         let plan = WalkPlan::of(&traversal, grey);
+        let spreads = scene.solve.fade != Fade::Nowhere
+            && scene.solve.regularization.gradient != RegularizationWeight::Relative(0.0);
+        let lit = if spreads { lit_texels(scene, &maps) } else { Arc::default() };
         let further_start = scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(start));
         Ok(Self {
             constraints,
@@ -110,29 +129,48 @@ impl LightMapProblem {
             traversal,
             targets,
             known_radiance,
+            plain,
             white,
             rule: scene.target,
+            opacity: scene.opacity,
+            keep: scene.views.iter().map(|view| view.keep).collect(),
             start,
             further_start,
+            lit,
             plan,
             grey,
             widths: scene.views.iter().map(|view| view.camera.size()[0]).collect(),
         })
     }
 
+    /// The distance over which what was found fades, in metres; none where it does not go beyond what rows reach.
+    pub fn fade_length(&self, fade: Fade) -> Option<f64> {
+        let extent = self.maps.light_map.extent;
+        match fade {
+            Fade::Nowhere => None,
+            Fade::OfMap(part) => Some(part * (extent.max - extent.min).element_product().sqrt()),
+            Fade::Metres(length) => Some(length),
+        }
+    }
+
+    /// 1 / ℓ², with ℓ that distance in texels; 0 where there is none.
+    fn fade(&self, fade: Fade) -> f64 {
+        let texels = self.maps.light_map.density().element_product().sqrt();
+        self.fade_length(fade).map_or(0.0, |length| (length * texels).powi(-2))
+    }
+
     /// Paints the pixels of one view anew: their colours, weights and targets. The rows stay what they are.
     ///
     /// Shapes  painting: the view's picture
-    pub fn repaint(&mut self, view: usize, painting: &RgbaImage) {
-        let width = painting.size()[0];
+    pub fn repaint(&mut self, view: usize, painting: &Painting) {
         for row in 0..self.constraints.len() {
             let pixel = &mut self.constraints[row];
             if pixel.view != view {
                 continue;
             }
-            let [r, g, b, weight] = painting.pixels[pixel.y * width + pixel.x];
-            (pixel.color, pixel.weight) = ([r, g, b], weight);
-            self.targets[row] = target(self.rule, pixel, &self.white[row], &self.known_radiance[row]);
+            *pixel = wished(*pixel, painting, (self.opacity, self.keep[view]));
+            let wanted = wanted(self.rule, pixel, [&self.plain[row], &self.white[row]]);
+            self.targets[row] = rgb(|c| wanted[c] - self.known_radiance[row][c]);
         }
     }
 
@@ -152,6 +190,13 @@ impl LightMapProblem {
     pub fn parted<'a>(&self, elements: &'a [Rgb]) -> [&'a [Rgb]; 2] {
         let (texels, further) = elements.split_at(self.maps.light_map.len().min(elements.len()));
         [texels, further]
+    }
+
+    /// Whether no light of the sun is scattered towards the eye along a row.
+    pub fn is_dark(&self, row: usize) -> bool {
+        let shows_nothing = self.plain[row] == [0.0; 3];
+        let knows = self.further_start.is_empty() && self.start.iter().all(|&light| light > 0.0);
+        if knows { shows_nothing } else { self.traversal.lit_weight(row) == [0.0; 3] }
     }
 
     /// The weight of all texels on a row together.
@@ -174,7 +219,7 @@ impl LightMapProblem {
     /// The share of the painted pixels' light that comes from outside the light map, where it keeps its colour.
     pub fn share_from_outside(&self) -> f64 {
         let sum = |weight: [f64; 3]| weight.iter().sum::<f64>();
-        let rows = (0..self.constraints.len()).filter(|&row| self.constraints[row].weight > 0.0);
+        let rows = (0..self.constraints.len()).filter(|&row| self.constraints[row].is_painted());
         let (outside, all) = rows.fold((0.0, 0.0), |(outside, all), row| {
             (outside + sum(self.traversal.outside_weight(row)), all + sum(self.traversal.lit_weight(row)))
         });
@@ -192,8 +237,11 @@ impl LightMapProblem {
             maps: self.maps.clone(),
             targets: of(&self.targets, rows),
             known_radiance: of(&self.known_radiance, rows),
+            plain: of(&self.plain, rows),
             white: of(&self.white, rows),
+            keep: self.keep.clone(),
             further_start: self.further_start.clone(),
+            lit: self.lit.clone(),
             widths: self.widths.clone(),
             plan: WalkPlan::of(&traversal, self.grey),
             traversal,
@@ -237,18 +285,21 @@ impl Problem for LightMapProblem {
                 wanted[c] += f64::from(pixel.weight) * f64::from(color[c]).powi(2);
             }
         }
+        let fade = self.fade(settings.fade);
         let texels = Part {
             noun: "texels",
             start: Start::Everywhere(self.start, self.maps.light_map.len()),
             bounds: settings.solver.kept(settings.bounds),
             pull: 1.0,
+            joined: if fade > 0.0 { &self.lit } else { &[] },
+            fade,
             lattice: Some(Lattice { size: &self.maps.light_map.size, places: None }),
             scale: 0,
         };
         // In every row, and so far longer than the column of a texel.
         let start = Start::Each(&self.further_start);
         let bounds = settings.solver.kept([[0.0; 3], [f64::INFINITY; 3]]);
-        let others = Part { noun: "lights", start, bounds, lattice: None, scale: 1, ..texels };
+        let others = Part { noun: "lights", start, bounds, lattice: None, scale: 1, joined: &[], ..texels };
         Ok(Formulation {
             targets: &self.targets,
             weights: self.weights().0.into(),
@@ -270,8 +321,17 @@ impl Problem for LightMapProblem {
         }
         if settings.fill {
             let further = solved.x.split_off(texels);
-            let reached = solved.columns.partition_point(|&column| (column as usize) < texels);
-            solved.x = fill(&self.maps.light_map.size, &solved.columns[..reached], solved.x)?;
+            // What smoothness has spread to is known as what rows reach is.
+            let mut known: Vec<u32> = solved
+                .columns
+                .iter()
+                .chain(&*self.lit)
+                .copied()
+                .filter(|&it| (it as usize) < texels)
+                .collect();
+            known.sort_unstable();
+            known.dedup();
+            solved.x = fill(self.maps.light_map.size, &known, solved.x)?;
             solved.x.extend(further);
         }
         Ok(solved)
@@ -377,6 +437,7 @@ impl Problem for LightMapProblem {
             add(self.maps.shadow_map.depth(k % width, k / width).to_bits().into());
         }
         self.traversal.transport().sigma_t.iter().for_each(|number| add(number.to_bits()));
+        self.lit.iter().for_each(|&texel| add(texel.into()));
         let Some(shown) = self.traversal.further_weights() else { return };
         for row in 0..self.rows() {
             let further = (0..shown.further()).flat_map(|further| shown.weight(row, further));
@@ -442,11 +503,16 @@ fn check_brightness(gpu: &Gpu, light: Rgb) -> Result<()> {
     })
 }
 
-/// What is wanted of a row beyond what is known of it.
-fn target(rule: Target, pixel: &Constraint, white: &Rgb, known: &Rgb) -> Rgb {
-    rgb(|c| match rule {
-        Target::Tint => pixel.color[c] * white[c] - known[c],
-        Target::Radiance => pixel.color[c] - known[c],
+/// The radiance that a pixel should have: as far from what it shows under the lights as they are to what is painted as the paint is strong.
+fn wanted(rule: Target, pixel: &Constraint, [plain, white]: [&Rgb; 2]) -> Rgb {
+    rgb(|c| {
+        let painted = match rule {
+            Target::Tint => pixel.color[c] * plain[c],
+            Target::WhiteTint => pixel.color[c] * white[c],
+            Target::Radiance => pixel.color[c],
+        };
+        // One exactly where the paint covers, so that the colour comes through as it was painted.
+        if pixel.opacity < 1.0 { plain[c] + pixel.opacity * (painted - plain[c]) } else { painted }
     })
 }
 
@@ -472,10 +538,11 @@ fn of_scattered_light(traversal: &LightMapTraversal, start: Rgb) -> Result<RowRa
             remedy: "paint where light shafts are seen, turn the light, or set light_map.extent",
         });
     }
-    let brightness = luminance(start);
+    let lit_by = |light: Rgb| shares.iter().map(|[lit, _]| rgb(|c| lit[c] as f32 * light[c])).collect();
     Ok(RowRadiance {
         known: shares.iter().map(|[_, outside]| rgb(|c| outside[c] as f32 * start[c])).collect(),
-        white: shares.iter().map(|[lit, _]| rgb(|c| lit[c] as f32 * brightness)).collect(),
+        plain: lit_by(start),
+        white: lit_by([luminance(start); 3]),
     })
 }
 

@@ -1,6 +1,7 @@
 //! From a scene and what is painted on it to a least-squares problem, and from its solution to pictures.
 
 mod assess;
+mod cells;
 mod constraints;
 mod diffusion;
 mod evenly;
@@ -8,11 +9,14 @@ mod extents;
 mod fill;
 mod formulation;
 mod light_map;
+mod lit_texels;
 mod looked_for;
 mod painting;
 #[cfg(feature = "gpu")]
 mod rasterized;
+mod reach;
 mod render;
+mod scattered;
 mod sight;
 mod sky;
 mod solution;
@@ -26,14 +30,15 @@ pub use assess::{Assessment, Assessor, Match};
 pub use constraints::{Constraint, constraints, pixels};
 pub use diffusion::{Diffused, Known, diffuse};
 pub use evenly::evenly;
-pub use extents::{Maps, fit, fitted_grids};
+pub use extents::{Maps, fit};
 pub use formulation::{Formulation, Lattice, Part, Start};
 pub use light_map::LightMapProblem;
 pub use looked_for::{Nouns, Problem, Unskipped};
-pub use painting::paint;
+pub use painting::{Painting, paint};
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;
-pub use render::{Rendering, render};
+pub use reach::{OutOfReach, held_back};
+pub use render::{DrawnLight, Rendering, render, render_light};
 pub use sky::SkyBeam;
 pub use solution::{Begin, Paused, Snapshot, SystemOperator, measure, method, minimize, solve, vectors};
 pub use solved::Solved;

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use crate::scene::{RgbaImage, Stroke, View};
 use crate::{Error, Result};
 
-/// Less weight than this is no constraint; half of what one code of an 8-bit alpha is worth.
-const LEAST_WEIGHT: f32 = 1.0 / 512.0;
+/// Less opacity than this is no paint; half of what one code of an 8-bit alpha is worth.
+const LEAST_OPACITY: f32 = 1.0 / 512.0;
 
 /// Pixels that all strokes of a view may put paint on, one stroke over the other: minutes of work.
 const MOST_PAINTED: u64 = 1 << 35;
@@ -21,31 +21,51 @@ const SHARPEST: f64 = 1.0 / SAMPLES as f64;
 /// Pixels along each side of the parts of a picture whose segments are sorted out together.
 const TILE: usize = 16;
 
+/// Edges of strokes that are no wider than this, in pixels, say nothing of the light.
+const EDGE: f64 = 4.0;
+
 /// Of distances, relative: far more than that of f64.
 const ROUNDING: f64 = 1e-9;
 
 /// Beyond this distance in pixels from its centre there is nothing of a pixel.
 const HALF_DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
+/// What is painted on a picture.
+///
+/// Shapes  one entry a pixel
+#[derive(Debug, Clone, PartialEq)]
+pub struct Painting {
+    /// Straight linear colour, and in alpha the opacity of the paint; 0 where there is none.
+    pub colors: RgbaImage,
+    /// How far the paint of each pixel goes from what is there to its colour.
+    pub strengths: Vec<f32>,
+    /// How much of each pixel has paint, whatever its opacity: less than all on the edges of strokes.
+    pub coverage: Vec<f32>,
+    /// The weight of the paint in the solve, whatever its opacity and coverage.
+    pub weights: Vec<f32>,
+}
+
 /// What is painted on a view: its layers from the bottom up, then its strokes in order, each over what is there.
 ///
-/// Straight linear colour and, in alpha, the weight of the constraint. With a₁ over a₀ the weight becomes
-/// a = a₁ + a₀(1 − a₁) and the colour (c₁a₁ + c₀a₀(1 − a₁)) / a. Weights below 1/512 become 0.
+/// With opacity a₁ over a₀ it becomes a = a₁ + a₀(1 − a₁), and the colour (c₁a₁ + c₀a₀(1 − a₁)) / a. Coverage is laid over as opacity is;
+/// strength and weight are mixed by it as a colour is by opacity. Opacities below 1/512 become 0. Layers have a weight of 1, and their alpha is
+/// opacity, strength and coverage.
 ///
-/// A stroke weighs its opacity inside hardness · radius, and from there falls linearly to 0 at its radius. Both are
-/// measured by the exact distance from its polyline, so caps and joins are round and a stroke that crosses itself is no
+/// A stroke covers all inside hardness · radius, and from there its coverage falls linearly to 0 at its radius; its opacity there is its own
+/// times that. Its strength is its opacity times the coverage 4 pixels farther inside: a narrow edge is one that light need not have, and
+/// asks for the whole colour with less weight, while a wide one asks for a gradient. Both radii are measured by the exact distance from its polyline, so caps and joins are round and a stroke that crosses itself is no
 /// heavier there.
 ///
 /// Errors: [`Error::Shape`] for a layer that is not of the view's size; [`Error::Value`] for a layer or a stroke with
 /// numbers that cannot be, and for a stroke that reaches no pixel; [`Error::TooLarge`] for more strokes than can be painted in minutes.
 /// Cost: the pixels of a stroke times the segments that are about as near as the nearest; bit-identical for any number of threads.
-pub fn paint(view: &View) -> Result<RgbaImage> {
+pub fn paint(view: &View) -> Result<Painting> {
     let size = view.camera.size();
-    let mut painting = RgbaImage::transparent(size);
+    let mut pixels = vec![Pixel::default(); size[0] * size[1]];
     for (index, layer) in view.layers.iter().enumerate() {
         check_layer(layer, size).map_err(|error| error.inside(&format!("{}.layers[{index}]", view.name)))?;
-        for (below, &[r, g, b, weight]) in painting.pixels.iter_mut().zip(&layer.pixels) {
-            put_over(below, [r, g, b], weight);
+        for (below, &[r, g, b, opacity]) in pixels.iter_mut().zip(&layer.pixels) {
+            below.put_over([r, g, b], 1.0, [opacity; 3]);
         }
     }
     let place = |index: usize| format!("{}.strokes[{index}]", view.name);
@@ -55,13 +75,26 @@ pub fn paint(view: &View) -> Result<RgbaImage> {
     let brushes: Vec<Brush> = brushes.collect::<Result<_>>()?;
     check_work(&view.name, &brushes, size)?;
     for (index, brush) in brushes.iter().enumerate() {
-        if !brush.paint(&mut painting) {
-            let expected = "a stroke that reaches a pixel of the picture with a weight of at least 1/512";
+        if !brush.paint(&mut pixels, size) {
+            let expected = "a stroke that reaches a pixel of the picture with an opacity of at least 1/512";
             return Err(Error::value(place(index), brush.description(size), expected));
         }
     }
-    painting.pixels.iter_mut().filter(|pixel| pixel[3] < LEAST_WEIGHT).for_each(|pixel| *pixel = [0.0; 4]);
-    Ok(painting)
+    pixels
+        .iter_mut()
+        .filter(|pixel| pixel.opacity < LEAST_OPACITY)
+        .for_each(|pixel| *pixel = Pixel::default());
+    let mut colors = RgbaImage::transparent(size);
+    for (pixel, Pixel { color: [r, g, b], opacity, .. }) in colors.pixels.iter_mut().zip(&pixels) {
+        *pixel = [*r, *g, *b, *opacity];
+    }
+    let of = |number: fn(&Pixel) -> f32| pixels.iter().map(number).collect();
+    Ok(Painting {
+        colors,
+        strengths: of(|pixel| pixel.strength),
+        coverage: of(|pixel| pixel.coverage),
+        weights: of(|pixel| pixel.weight),
+    })
 }
 
 /// Whether strokes can be painted in minutes.
@@ -99,25 +132,47 @@ fn check_layer(layer: &RgbaImage, [width, height]: [usize; 2]) -> Result<()> {
     }
 }
 
-fn put_over(below: &mut [f32; 4], color: [f32; 3], weight: f32) {
-    if weight <= 0.0 {
-        return;
+/// One pixel of a painting.
+#[derive(Debug, Clone, Copy, Default)]
+struct Pixel {
+    color: [f32; 3],
+    opacity: f32,
+    strength: f32,
+    coverage: f32,
+    weight: f32,
+}
+
+impl Pixel {
+    fn put_over(&mut self, color: [f32; 3], weight: f32, [opacity, strength, coverage]: [f32; 3]) {
+        if opacity <= 0.0 {
+            return;
+        }
+        // What is there of both, and the share of the new one: one exactly where nothing was, so that paint comes through as it is.
+        let over = |new: f32, old: f32| {
+            let sum = new + old * (1.0 - new);
+            (sum, if old > 0.0 { new / sum } else { 1.0 })
+        };
+        let mix = |new: f32, old: f32, share: f32| new * share + old * (1.0 - share);
+        let (opacity, of_color) = over(opacity, self.opacity);
+        let strength = strength + self.strength * self.coverage * (1.0 - strength);
+        let (coverage, of_weight) = over(coverage, self.coverage);
+        *self = Self {
+            color: std::array::from_fn(|c| mix(color[c], self.color[c], of_color)),
+            opacity,
+            strength: mix(strength, self.strength, of_weight),
+            coverage,
+            weight: mix(weight, self.weight, of_weight),
+        };
     }
-    let [r, g, b, old_weight] = *below;
-    let sum = weight + old_weight * (1.0 - weight);
-    // One exactly where nothing was, so that the colour comes through as it was painted.
-    let share = if old_weight > 0.0 { weight / sum } else { 1.0 };
-    let mix = |new: f32, old: f32| new * share + old * (1.0 - share);
-    *below = [mix(color[0], r), mix(color[1], g), mix(color[2], b), sum];
 }
 
 /// A stroke ready to be put on a picture, in f64 so that long segments keep thin rims.
 struct Brush<'s> {
     stroke: &'s Stroke,
     segments: Vec<Segment>,
-    /// The distance in pixels up to which it weighs its full opacity; negative when it is thinner than a sample.
+    /// The distance in pixels up to which it covers all; negative when it is thinner than a sample.
     inner: f64,
-    /// The distance from which it weighs nothing.
+    /// The distance from which it covers nothing.
     outer: f64,
 }
 
@@ -135,15 +190,13 @@ impl<'s> Brush<'s> {
         Ok(Self { stroke, segments, inner: middle - half_rim, outer: middle + half_rim })
     }
 
-    /// Whether any pixel got a weight that counts.
-    fn paint(&self, painting: &mut RgbaImage) -> bool {
-        let [width, height] = painting.size();
+    /// Whether any pixel got an opacity that counts.
+    fn paint(&self, pixels: &mut [Pixel], [width, height]: [usize; 2]) -> bool {
         let [columns, rows] = self.reach([width, height]);
         let all: Vec<&Segment> = self.segments.iter().collect();
         let bands = rows.start / TILE..rows.end.div_ceil(TILE);
-        let painted =
-            painting.pixels.par_chunks_mut(width * TILE).enumerate().skip(bands.start).take(bands.len());
-        let paint = |(band, pixels): (usize, &mut [[f32; 4]])| {
+        let painted = pixels.par_chunks_mut(width * TILE).enumerate().skip(bands.start).take(bands.len());
+        let paint = |(band, pixels): (usize, &mut [Pixel])| {
             let mut band = Band { pixels, width, top: band * TILE };
             self.paint_part(&mut band, columns.clone(), &all)
         };
@@ -158,7 +211,7 @@ impl<'s> Brush<'s> {
         std::array::from_fn(|axis| pixels_between(low[axis], high[axis], size[axis]))
     }
 
-    /// Paints some columns of a band; whether any pixel got a weight that counts. Among `near` is the segment that is nearest, of every
+    /// Paints some columns of a band; whether any pixel got an opacity that counts. Among `near` is the segment that is nearest, of every
     /// point there.
     ///
     /// Parts are halved as long as they are wider than a tile. In each, only those segments stay that can still be the nearest: no point of
@@ -174,8 +227,8 @@ impl<'s> Brush<'s> {
             return false;
         }
         if nearest + half_diagonal < self.inner - HALF_DIAGONAL {
-            band.put_over(columns, self.stroke.color, |_, _| self.stroke.opacity);
-            return self.stroke.opacity >= LEAST_WEIGHT;
+            band.put_over(columns, self.stroke, |_, _| [1.0; 2]);
+            return self.stroke.opacity >= LEAST_OPACITY;
         }
         let farthest = (nearest + 2.0 * half_diagonal) * (1.0 + ROUNDING);
         let here = near.iter().zip(&distances).filter(|&(_, &distance)| distance <= farthest);
@@ -186,35 +239,36 @@ impl<'s> Brush<'s> {
             return self.paint_part(band, cut..columns.end, &here) | left;
         }
         let mut reaches = false;
-        band.put_over(columns, self.stroke.color, |x, y| {
-            let weight = self.stroke.opacity * self.coverage(&here, x, y) as f32;
-            reaches |= weight >= LEAST_WEIGHT;
-            weight
+        band.put_over(columns, self.stroke, |x, y| {
+            let [coverage, inside] = self.coverage(&here, x, y).map(|part| part as f32);
+            reaches |= self.stroke.opacity * coverage >= LEAST_OPACITY;
+            [coverage, inside]
         });
         reaches
     }
 
-    /// Mean over a pixel of what the stroke weighs relative to its opacity.
-    fn coverage(&self, near: &[&Segment], x: usize, y: usize) -> f64 {
+    /// How much it covers of a pixel, and of one farther inside.
+    fn coverage(&self, near: &[&Segment], x: usize, y: usize) -> [f64; 2] {
         let distance = |point: DVec2| {
             let squared = near.iter().map(|segment| segment.squared_distance(point));
             squared.fold(f64::INFINITY, f64::min).sqrt()
         };
         let of_centre = distance(centre(x, y));
-        // Elsewhere the weight is linear over the pixel, and its mean is that of the centre.
+        let inside = self.covered(of_centre - EDGE);
+        // Elsewhere the coverage is linear over the pixel, and its mean is that of the centre.
         let bends = |at: f64| (of_centre - at).abs() < HALF_DIAGONAL;
         if !bends(self.inner) && !bends(self.outer) {
-            return self.weight(of_centre);
+            return [self.covered(of_centre), inside];
         }
         let sample = |index: usize| {
             let [u, v] = [index % SAMPLES, index / SAMPLES].map(|i| (i as f64 + 0.5) / SAMPLES as f64);
-            self.weight(distance(DVec2::new(x as f64 + u, y as f64 + v)))
+            self.covered(distance(DVec2::new(x as f64 + u, y as f64 + v)))
         };
-        (0..SAMPLES * SAMPLES).map(sample).sum::<f64>() / (SAMPLES * SAMPLES) as f64
+        [(0..SAMPLES * SAMPLES).map(sample).sum::<f64>() / (SAMPLES * SAMPLES) as f64, inside]
     }
 
-    /// Relative to the opacity, at a distance from the polyline.
-    fn weight(&self, distance: f64) -> f64 {
+    /// How much it covers at a distance from its polyline.
+    fn covered(&self, distance: f64) -> f64 {
         ((self.outer - distance) / (self.outer - self.inner)).clamp(0.0, 1.0)
     }
 
@@ -240,6 +294,9 @@ fn check_stroke(stroke: &Stroke) -> Result<()> {
     }
     if !(stroke.opacity > 0.0 && stroke.opacity <= 1.0) {
         return Err(Error::value("opacity", stroke.opacity, "more than 0 and at most 1"));
+    }
+    if !(stroke.weight > 0.0 && stroke.weight <= 1.0) {
+        return Err(Error::value("weight", stroke.weight, "more than 0 and at most 1"));
     }
     if !stroke.color.iter().all(|c| c.is_finite()) {
         return Err(Error::value("color", format!("{:?}", stroke.color), "finite"));
@@ -280,7 +337,7 @@ impl Segment {
 
 /// Some rows of a picture.
 struct Band<'p> {
-    pixels: &'p mut [[f32; 4]],
+    pixels: &'p mut [Pixel],
     width: usize,
     /// The first of its rows in the picture.
     top: usize,
@@ -291,16 +348,17 @@ impl Band<'_> {
         self.pixels.len() / self.width
     }
 
-    /// Puts a colour over some columns, with the weight that a pixel of the picture has.
+    /// Puts a stroke over some columns, with the coverage that it has at a pixel of the picture and farther inside.
     fn put_over(
         &mut self,
         columns: Range<usize>,
-        color: [f32; 3],
-        mut weight: impl FnMut(usize, usize) -> f32,
+        Stroke { color, opacity, weight, .. }: &Stroke,
+        mut coverage: impl FnMut(usize, usize) -> [f32; 2],
     ) {
         for (y, row) in self.pixels.chunks_mut(self.width).enumerate() {
             for (x, pixel) in columns.clone().zip(&mut row[columns.clone()]) {
-                put_over(pixel, color, weight(x, self.top + y));
+                let [coverage, inside] = coverage(x, self.top + y);
+                pixel.put_over(*color, *weight, [opacity * coverage, opacity * inside, coverage]);
             }
         }
     }
@@ -316,16 +374,23 @@ mod tests {
     use crate::scene::{Camera, FovAxis};
 
     fn stroke(points: &[[f32; 2]], radius: f32) -> Stroke {
-        Stroke { points: points.to_vec(), radius, hardness: 1.0, opacity: 1.0, color: [0.2, 0.5, 2.0] }
+        Stroke {
+            points: points.to_vec(),
+            radius,
+            hardness: 1.0,
+            opacity: 1.0,
+            weight: 1.0,
+            color: [0.2, 0.5, 2.0],
+        }
     }
 
     fn view(size: [usize; 2], strokes: Vec<Stroke>) -> View {
         let camera = Camera::new(DAffine3::IDENTITY, 50.0, FovAxis::Y, size).unwrap();
-        View { name: "front".to_owned(), camera, strokes, layers: Vec::new() }
+        View { name: "front".to_owned(), camera, strokes, layers: Vec::new(), keep: 0.0 }
     }
 
     fn painted(size: [usize; 2], strokes: &[Stroke]) -> RgbaImage {
-        paint(&view(size, strokes.to_vec())).unwrap()
+        paint(&view(size, strokes.to_vec())).unwrap().colors
     }
 
     fn area(painting: &RgbaImage) -> f64 {
@@ -418,12 +483,12 @@ mod tests {
         let layer = |pixel| RgbaImage::new([4, 4], vec![pixel; 16]).unwrap();
         let mut view = view([4, 4], vec![half(red)]);
         view.layers = vec![layer([9.0, 9.0, 9.0, 1.0]), layer([0.0, 4.0, 0.0, 1.0])];
-        assert_close(at(&paint(&view).unwrap()), [0.5, 2.0, 0.0, 1.0]);
+        assert_close(at(&paint(&view).unwrap().colors), [0.5, 2.0, 0.0, 1.0]);
         view.layers.push(layer([7.0, 7.0, 7.0, 0.0]));
-        assert_close(at(&paint(&view).unwrap()), [0.5, 2.0, 0.0, 1.0]);
+        assert_close(at(&paint(&view).unwrap().colors), [0.5, 2.0, 0.0, 1.0]);
         view.strokes.clear();
         view.layers = vec![layer([5.0, 5.0, 5.0, 0.0019]), layer([1.0, 2.0, 3.0, 0.0])];
-        assert_eq!(at(&paint(&view).unwrap()), [0.0; 4], "too light to be a constraint");
+        assert_eq!(at(&paint(&view).unwrap().colors), [0.0; 4], "too light to be a constraint");
     }
 
     fn assert_close(got: [f32; 4], expected: [f32; 4]) {
@@ -508,7 +573,7 @@ mod tests {
             let squared = brush.segments.iter().map(|segment| segment.squared_distance(from));
             let distance = squared.fold(f64::INFINITY, f64::min).sqrt();
             let got = f64::from(painting.pixels[index][3]);
-            assert!((got - brush.weight(distance)).abs() < 2e-3, "{got} at {distance}");
+            assert!((got - brush.covered(distance)).abs() < 2e-3, "{got} at {distance}");
         }
     }
 

@@ -34,6 +34,29 @@ pub struct Rendering {
 /// Cost    two walks a pixel: one that finds what is lit, one through texels there that differ from the light's radiance; and one more
 ///         that finds what is lit for every light of the sky that is not dark
 pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize) -> Result<Rendering> {
+    render_light(scene, maps, light_map, view, DrawnLight::All)
+}
+
+/// Which light a picture shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DrawnLight {
+    /// All of it.
+    #[default]
+    All,
+    /// What the medium scatters of the sun alone: what paint on light shafts is about.
+    Scattered,
+}
+
+/// As [`render`], with some of the light.
+///
+/// Errors: as [`render`].
+pub fn render_light(
+    scene: &Scene,
+    maps: &Maps,
+    light_map: Option<&[Rgb]>,
+    view: usize,
+    light: DrawnLight,
+) -> Result<Rendering> {
     let changed = light_map.map(|texels| Changed::new(scene, maps, texels)).transpose()?;
     let camera = &scene.views[view].camera;
     let [width, height] = camera.size();
@@ -44,7 +67,7 @@ pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize
             .into_par_iter()
             .map(|index| Seen::along(maps, camera.pixel_ray(index % width, index / width)))
             .collect();
-        pixels.extend(render_pixels(scene, maps, changed.as_ref(), &seen));
+        pixels.extend(render_pixels(scene, maps, changed.as_ref(), &seen, light));
     }
     let name = &scene.views[view].name;
     let picture = |which: usize| {
@@ -98,7 +121,13 @@ impl Changed {
 }
 
 /// Before and after of some pixels.
-fn render_pixels(scene: &Scene, maps: &Maps, changed: Option<&Changed>, seen: &[Seen]) -> Vec<[Rgb; 2]> {
+fn render_pixels(
+    scene: &Scene,
+    maps: &Maps,
+    changed: Option<&Changed>,
+    seen: &[Seen],
+    light: DrawnLight,
+) -> Vec<[Rgb; 2]> {
     let rays: Arc<[ViewRay]> = seen
         .iter()
         .map(|Seen { ray, hit }| {
@@ -114,6 +143,9 @@ fn render_pixels(scene: &Scene, maps: &Maps, changed: Option<&Changed>, seen: &[
     (0..seen.len())
         .into_par_iter()
         .map(|row| {
+            if light == DrawnLight::Scattered {
+                return scattered(scene, &traversal, row, changed);
+            }
             let of_ambient = seen[row].of_ambient(scene);
             let sun = seen[row].reflected(scene, maps, -scene.light.direction);
             let lit_ray = traversal.lit_ray(row);
@@ -145,6 +177,22 @@ fn render_pixels(scene: &Scene, maps: &Maps, changed: Option<&Changed>, seen: &[
             [before, after]
         })
         .collect()
+}
+
+/// What the medium scatters of the sun, before and after.
+fn scattered(
+    scene: &Scene,
+    traversal: &LightMapTraversal,
+    row: usize,
+    changed: Option<&Changed>,
+) -> [Rgb; 2] {
+    let lit_ray = traversal.lit_ray(row);
+    let lit = lit_ray.weight();
+    let before = rgb(|c| lit[c] as f32 * scene.light.radiance[c]);
+    let Some(changed) = changed else { return [before; 2] };
+    let change = gather(scene, &lit_ray, &changed.difference);
+    let outside = traversal.outside_weight(row);
+    [before, rgb(|c| before[c] + change[c] + outside[c] as f32 * changed.sun[c])]
 }
 
 /// What a pixel shows of the lights of the sky that are not dark.

@@ -12,6 +12,8 @@ use crate::visibility::Geometry;
 const FADED: f64 = 0.02;
 /// Pixels from one sampled ray of a view to the next, along both axes.
 const PIXEL_STRIDE: usize = 8;
+/// Texels at least along each side of a map whose texels are square.
+const LEAST_SIDE: f64 = 16.0;
 /// Room around what was seen, as a share of its larger side.
 const MARGIN: f64 = 0.01;
 /// Room for rounding, as a share of the distance from the origin: some thousand times that of f64.
@@ -52,6 +54,11 @@ impl Sight {
         Self(seen.collect())
     }
 
+    /// Where each begins and ends.
+    pub(super) fn stretches(&self) -> &[[DVec3; 2]] {
+        &self.0
+    }
+
     /// Along the rays of both.
     pub(super) fn and(mut self, other: &Self) -> Self {
         self.0.extend_from_slice(&other.0);
@@ -75,8 +82,11 @@ pub(super) fn shadow_grid(
     size: [usize; 2],
 ) -> Result<Option<Grid>> {
     let occluded = occluded(&scene.mesh, frame);
-    let settings = MapSettings { size, extent: None };
-    occluded.has_area().then(|| grid(&settings, sight.over(frame), occluded)).transpose()
+    let settings = MapSettings::new(size);
+    occluded
+        .has_area()
+        .then(|| grid(&settings, || seen_and_occluded(sight.over(frame), occluded)))
+        .transpose()
 }
 
 /// The box around all vertices, along a light.
@@ -87,18 +97,32 @@ pub(super) fn occluded(mesh: &Mesh, frame: &LightFrame) -> Extent {
     })
 }
 
-/// The grid of a map: where the settings say, else over what is seen and occluded, with a margin.
-pub(super) fn grid(settings: &MapSettings, seen: Extent, occluded: Extent) -> Result<Grid> {
-    let fitted = || {
-        let extent = seen.intersection(occluded).unwrap_or(seen);
-        let sides = extent.max - extent.min;
-        // What rounding leaves of a place so far from the origin.
-        let rounding = ROUNDING * extent.min.abs().max(extent.max.abs()).max_element();
-        let margin = (MARGIN * sides.max_element()).max(rounding);
-        // A single ray along the light sees no area at all; give it a texel's worth.
-        extent.grown(if margin > 0.0 { margin } else { 1e-6 })
-    };
-    Grid::new(settings.extent.unwrap_or_else(fitted), settings.size)
+/// What is both seen and occluded, with a margin; what is seen where that is nothing.
+pub(super) fn seen_and_occluded(seen: Extent, occluded: Extent) -> Extent {
+    let extent = seen.intersection(occluded).unwrap_or(seen);
+    let sides = extent.max - extent.min;
+    // What rounding leaves of a place so far from the origin.
+    let rounding = ROUNDING * extent.min.abs().max(extent.max.abs()).max_element();
+    let margin = (MARGIN * sides.max_element()).max(rounding);
+    // A single ray along the light sees no area at all; give it a texel's worth.
+    extent.grown(if margin > 0.0 { margin } else { 1e-6 })
+}
+
+/// The grid of a map: where the settings say, else where it is `fitted`.
+pub(super) fn grid(settings: &MapSettings, fitted: impl FnOnce() -> Extent) -> Result<Grid> {
+    let extent = settings.extent.unwrap_or_else(fitted);
+    let size = if settings.square_texels { square(settings.size, extent) } else { settings.size };
+    Grid::new(extent, size)
+}
+
+/// As many square texels at most, where sides may be so different.
+fn square(size: [usize; 2], extent: Extent) -> [usize; 2] {
+    let sides = extent.max - extent.min;
+    let count = (size[0] * size[1]) as f64;
+    let along = |axis: usize| ((count * sides[axis] / sides[1 - axis]).sqrt().floor()).max(LEAST_SIDE);
+    let width = along(0).min((count / LEAST_SIDE).floor());
+    let height = along(1).min((count / width).floor()).max(1.0);
+    if width.is_finite() && height.is_finite() { [width as usize, height as usize] } else { size }
 }
 
 /// Where a view ray begins and where it no longer counts.

@@ -7,7 +7,7 @@ use crate::solve::Outcome;
 pub struct Solved {
     /// All elements. Those that no row reaches keep their start, or are filled where the problem asks for it.
     pub x: Vec<Rgb>,
-    /// Numbers of the elements that some row reaches, increasing.
+    /// Numbers of the elements that were unknown, increasing: those that some row reaches, and those that stand for cells of others.
     pub columns: Vec<u32>,
     /// How the solve went.
     pub outcome: Outcome,

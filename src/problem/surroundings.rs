@@ -140,6 +140,7 @@ struct RowLight {
     further: Vec<Rgb>,
     reflected: Reflected,
     known: Rgb,
+    plain: Rgb,
     white: Rgb,
 }
 
@@ -190,6 +191,7 @@ impl AllLight {
             further: FurtherWeights::new(start.len(), &weights, reflected)?,
             radiance: RowRadiance {
                 known: rows.iter().map(|row| row.known).collect(),
+                plain: rows.iter().map(|row| row.plain).collect(),
                 white: rows.iter().map(|row| row.white).collect(),
             },
         }))
@@ -217,14 +219,18 @@ impl RowLight {
         let of_ambient = seen.of_ambient(scene);
         let unsought = if is_sought { [0.0; 3] } else { scene.light.radiance };
         let lights = further.iter().zip(start).skip(usize::from(is_sought));
-        let brightness = [scene.light.radiance, scene.ambient].map(luminance);
+        let under = |color: fn(Rgb) -> Rgb| {
+            let (sun, ambient) = (color(scene.light.radiance), color(scene.ambient));
+            rgb(|c| {
+                let sky: f32 = lights.clone().map(|(weight, start)| weight[c] * color(*start)[c]).sum();
+                (lit[c] as f32 + share[c]) * sun[c] + of_ambient[c] * ambient[c] + sky
+            })
+        };
         Self {
             reflected: corners.map_or(Reflected::NOTHING, |corners| corners.reflected(share)),
             known: rgb(|c| of_ambient[c] * scene.ambient[c] + of_sun[c] * unsought[c]),
-            white: rgb(|c| {
-                let sky: f32 = lights.clone().map(|(weight, start)| weight[c] * luminance(*start)).sum();
-                (lit[c] as f32 + share[c]) * brightness[0] + of_ambient[c] * brightness[1] + sky
-            }),
+            plain: under(|color| color),
+            white: under(|color| [luminance(color); 3]),
             further,
         }
     }

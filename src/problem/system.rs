@@ -3,9 +3,11 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::Formulation;
+use super::cells::{Cells, numbered};
 use crate::operator::{
-    Blocks, Bounds, CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Metric, Neighbours,
-    Restricted, Scaled, Scaling, Stacked, Tiling, TransportOperator, Vector, Weighted, brought, fetched,
+    Blocks, Bounds, CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Metric, NOWHERE,
+    Neighbours, Restricted, Scaled, Scaling, Stacked, Tiling, TransportOperator, Vector, Weighted, brought,
+    fetched,
 };
 use crate::scene::{MetricName, RegularizationWeight, Rgb, SolveSettings};
 use crate::solve::{LeastSquares, Limits, Rule, Term, choose_weight};
@@ -32,7 +34,7 @@ pub struct System<'a, V: Indexed, R = V> {
     rhs: Blocks<R, V>,
     start: V,
     bounds: Bounds,
-    /// The elements that are unknown: those that a row reaches, unless nothing is skipped.
+    /// The elements that are unknown: those that a row reaches and those that stand for cells, unless nothing is skipped.
     columns: Vec<u32>,
     /// What the rows are divided by.
     norm: f64,
@@ -40,6 +42,10 @@ pub struct System<'a, V: Indexed, R = V> {
     weights: RegularizationWeights,
     /// λ of each unknown's pull towards its start, relative to [`RegularizationWeights::tikhonov`].
     pulls: Vec<f64>,
+    /// λ of the pull by which what no row reaches fades, relative to that of the gradient; 0 of what a row reaches.
+    fades: Vec<f64>,
+    /// Cells over what no row reaches, where it is joined to what is found.
+    cells: Option<Cells>,
     metric: Option<Box<dyn Metric<V>>>,
     applications: usize,
 }
@@ -57,7 +63,7 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
     ) -> Result<Self> {
         problem.check()?;
         let mut system = Self::without_regularization(problem, operator, coverage, settings)?;
-        let regularizers = system.regularizers(problem, settings)?;
+        let regularizers = system.regularizers(problem, coverage, settings)?;
         system.weights = system.choose(settings, &regularizers)?;
         system.metric = system.build_metric(problem, operator, coverage, settings, &regularizers)?;
         system.regularize(regularizers)
@@ -129,6 +135,10 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         elements.clamp(&problem.bounds()?);
         let x = fetched(x)?;
         self.columns.iter().zip(x).for_each(|(&column, value)| elements.0[column as usize] = value);
+        if let Some(cells) = self.cells.clone() {
+            let part = &problem.parts[0];
+            cells.spread(&mut elements.0[..part.start.len()], part.start.of(0), part.fade);
+        }
         Ok(elements.0)
     }
 
@@ -154,9 +164,17 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         let elements = problem.elements();
         let (square, scales) = mean_squared_column_norms(problem, coverage);
         let norm = square.sqrt();
-        let columns = match settings.skip.unknowns {
-            true => reached,
-            false => (0..elements as u32).collect(),
+        let joins = settings.regularization.gradient != RegularizationWeight::Relative(0.0);
+        let cells = if joins { cells_of(problem, &reached) } else { None };
+        let columns = match (settings.skip.unknowns, &cells) {
+            (true, None) => reached,
+            (true, Some(cells)) => {
+                let mut columns = reached;
+                columns.extend(cells.each().map(|(element, _)| element));
+                columns.sort_unstable();
+                columns
+            }
+            (false, _) => (0..elements as u32).collect(),
         };
         let factor = |weight: f32| (f64::from(weight).sqrt() / norm) as f32;
         let factors: Vec<Rgb> = problem.weights.iter().map(|weights| weights.map(factor)).collect();
@@ -168,6 +186,11 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
             pulls.resize(unknown.end, part.pull * scale);
             picked
                 .extend(columns[unknown].iter().map(|&column| part.start.of(column as usize - range.start)));
+        }
+        let mut fades = vec![0.0; columns.len()];
+        for (element, count) in cells.iter().flat_map(Cells::each) {
+            let unknown = before(element as usize);
+            (pulls[unknown], fades[unknown]) = (0.0, problem.parts[0].fade * count as f64);
         }
         let start = brought(operator.domain().zeros(columns.len()), &picked)?;
         // Where every element is unknown, there is nothing to leave out.
@@ -191,20 +214,23 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
             norm,
             weights: RegularizationWeights::default(),
             pulls,
+            fades,
+            cells,
             metric: None,
             applications: 0,
         })
     }
 
-    fn regularizers(&self, problem: &Formulation, settings: &SolveSettings) -> Result<Regularizers<V>> {
+    fn regularizers(
+        &self,
+        problem: &Formulation,
+        coverage: &CpuVector,
+        settings: &SolveSettings,
+    ) -> Result<Regularizers<V>> {
         let is_even = self.pulls.iter().all(|&pull| pull == 1.0);
         let asked = settings.regularization;
         // Who lies beside whom takes much memory, and often nobody asks.
         let among_neighbours = [asked.gradient, asked.laplacian] != [RegularizationWeight::Relative(0.0); 2];
-        if among_neighbours && !settings.skip.unknowns {
-            let expected = "true where gradient or laplacian weigh: they join neighbours that are unknown, and no others";
-            return Err(Error::value("skip.unknowns", false, expected));
-        }
         Ok(Regularizers {
             tikhonov: match is_even {
                 false => {
@@ -214,11 +240,27 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
                 }
                 true => Box::new(Identity::scaled(&self.start, [1.0; 3])),
             },
+            fade: match self.fades.iter().any(|&fade| fade > 0.0) {
+                true => {
+                    let roots: Vec<Rgb> = self.fades.iter().map(|fade| [fade.sqrt() as f32; 3]).collect();
+                    let roots = brought(self.operator.domain(), &roots)?;
+                    Some(Weighted::new(Identity::scaled(&self.start, [1.0; 3]), roots)?)
+                }
+                false => None,
+            },
             among_neighbours: if among_neighbours {
-                let neighbours =
-                    Arc::new(Neighbours::new(problem.lattices(), &problem.places(&self.columns))?);
+                let (neighbours, strengths) = self.neighbours(problem, coverage, settings)?;
+                let neighbours = Arc::new(neighbours);
+                let gradient = Gradient::new(neighbours.clone(), &self.start)?;
                 Some(AmongNeighbours {
-                    gradient: Gradient::new(neighbours.clone(), &self.start)?,
+                    gradient: match strengths.is_empty() {
+                        true => Box::new(gradient),
+                        false => {
+                            let roots: Vec<Rgb> = strengths.iter().map(|it| [it.sqrt(); 3]).collect();
+                            let roots = brought(gradient.range(), &roots)?;
+                            Box::new(Weighted::new(gradient, roots)?)
+                        }
+                    },
                     laplacian: Laplacian::new(neighbours.clone(), &self.start)?,
                     neighbours,
                 })
@@ -226,6 +268,29 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
                 None
             },
         })
+    }
+
+    /// Which unknowns lie side by side, and how strongly each pair pulls at each other; nothing where all do alike. What is unknown only because nothing is skipped is nobody's neighbour.
+    fn neighbours(
+        &self,
+        problem: &Formulation,
+        coverage: &CpuVector,
+        settings: &SolveSettings,
+    ) -> Result<(Neighbours, Vec<f32>)> {
+        if let Some(cells) = &self.cells {
+            let pairs = cells.pairs();
+            let strengths = cells.weights(&pairs).collect();
+            let pairs = pairs.map(|pairs| numbered(&pairs, &self.columns, problem.elements()));
+            return Ok((Neighbours::of_pairs(self.columns.len(), &pairs), strengths));
+        }
+        let mut places = problem.places(&self.columns);
+        if !settings.skip.unknowns {
+            let reached = reached(coverage);
+            let alone = places.iter_mut().zip(&self.columns);
+            let alone = alone.filter(|(_, column)| reached.binary_search(column).is_err());
+            alone.for_each(|(place, _)| *place = NOWHERE);
+        }
+        Ok((Neighbours::new(problem.lattices(), &places)?, Vec::new()))
     }
 
     /// The relative weights. One that the settings leave open is chosen by its rule.
@@ -253,7 +318,7 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
             type Operators<'o, V> = Vec<&'o dyn LinearOperator<Domain = V, Range = V>>;
             let mut operators: Operators<V> = vec![&*regularizers.tikhonov];
             if let Some(AmongNeighbours { gradient, laplacian, .. }) = &regularizers.among_neighbours {
-                operators.push(gradient);
+                operators.push(&**gradient);
                 operators.push(laplacian);
             }
             let terms = operators.into_iter().zip(weights).filter(|(_, weight)| *weight != Some(0.0));
@@ -270,10 +335,13 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
     /// Puts the regularizers below the data.
     fn regularize(mut self, regularizers: Regularizers<V>) -> Result<Self> {
         let RegularizationWeights { tikhonov, gradient, laplacian } = self.weights;
-        let Regularizers { tikhonov: identity, among_neighbours, .. } = regularizers;
+        let Regularizers { tikhonov: identity, fade, among_neighbours } = regularizers;
         let root = |weight: f64| [weight.sqrt(); 3];
         if tikhonov > 0.0 {
             self.operator = self.operator.over(Scaled::new(identity, root(tikhonov)))?;
+        }
+        if let Some(fade) = fade.filter(|_| gradient > 0.0) {
+            self.operator = self.operator.over(Scaled::new(fade, root(gradient)))?;
         }
         if let Some(AmongNeighbours { gradient: differences, laplacian: sums, .. }) = among_neighbours {
             if gradient > 0.0 {
@@ -298,7 +366,7 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
     ) -> Result<Option<Box<dyn Metric<V>>>> {
         let name = settings.metric_in_use();
         let square = self.norm.powi(2);
-        let added = regularizers.diagonal(&self.pulls, self.weights, name);
+        let added = regularizers.diagonal([&self.pulls, &self.fades], self.weights, name);
         let diagonal = match name {
             MetricName::None => return Ok(None),
             MetricName::Auto | MetricName::Tiles => {
@@ -336,21 +404,30 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
 /// The regularizers, without their weights.
 struct Regularizers<V: Indexed> {
     tikhonov: Box<dyn LinearOperator<Domain = V, Range = V> + Send + Sync>,
+    /// Of what no row reaches, relative to the gradient; none where a row reaches all.
+    fade: Option<Weighted<Identity<V>>>,
     /// None where nothing asks for them.
     among_neighbours: Option<AmongNeighbours<V>>,
 }
 
 /// The regularizers that look at neighbours.
 struct AmongNeighbours<V: Indexed> {
-    gradient: Gradient<V>,
+    gradient: Box<dyn LinearOperator<Domain = V, Range = V> + Send + Sync>,
     laplacian: Laplacian<V>,
     neighbours: Arc<Neighbours>,
 }
 
 impl<V: Indexed> Regularizers<V> {
     /// Σ λ |R|ᵀ |R| 1, which majorizes them; for Jacobi the diagonal of Σ λ Rᵀ R.
-    fn diagonal(&self, pulls: &[f64], weights: RegularizationWeights, metric: MetricName) -> Vec<f64> {
-        let mut sums: Vec<f64> = pulls.iter().map(|pull| weights.tikhonov * pull).collect();
+    fn diagonal(
+        &self,
+        [pulls, fades]: [&[f64]; 2],
+        weights: RegularizationWeights,
+        metric: MetricName,
+    ) -> Vec<f64> {
+        let pulls = pulls.iter().zip(fades);
+        let mut sums: Vec<f64> =
+            pulls.map(|(pull, fade)| weights.tikhonov * pull + weights.gradient * fade).collect();
         if let Some(AmongNeighbours { neighbours, .. }) = &self.among_neighbours {
             let (of_gradient, of_laplacian) = match metric {
                 MetricName::Jacobi => {
@@ -378,6 +455,16 @@ fn weighted<'a, V: Indexed + 'static, R: Vector + 'static>(
     let mut targets = brought(weighted.range(), targets)?;
     weighted.weigh(&mut targets);
     Ok((Stacked::new(weighted), targets))
+}
+
+/// Cells over the elements of the first part that are joined to what is found; none where none are. Only a plane lattice has some.
+fn cells_of(problem: &Formulation, reached: &[u32]) -> Option<Cells> {
+    let part = problem.parts.first().filter(|part| !part.joined.is_empty())?;
+    let &[width, height] = part.lattice?.size else { return None };
+    let mut is_reached = vec![false; width * height];
+    let of_part = reached.iter().take_while(|&&element| (element as usize) < width * height);
+    of_part.for_each(|&element| is_reached[element as usize] = true);
+    Some(Cells::new([width, height], is_reached.into(), part.joined))
 }
 
 /// The elements that some row reaches. None where even the largest square is so small that smaller ones have no digits in f32.

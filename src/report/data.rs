@@ -3,9 +3,9 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::problem::{Nouns, RegularizationWeights};
+use crate::problem::{Nouns, OutOfReach, RegularizationWeights};
 use crate::solve::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, Warning};
 
 /// Everything that a run has to say about itself; `report.json` is this, field by field.
 ///
@@ -20,6 +20,8 @@ pub struct Report {
     pub command: String,
     /// Name of the scene.
     pub scene: String,
+    /// What a person should know: what was ignored or left out, is at a bound or out of reach.
+    pub warnings: Vec<Warning>,
     /// What computed: `cpu` or `gpu`.
     pub backend: String,
     /// On which device, in words.
@@ -50,11 +52,19 @@ pub struct Report {
     pub certificate: Certificate,
     /// Applications of `T` and `Tᵀ` for the metric and the choice of λ; the history does not count them.
     pub set_up_applications: u64,
-    /// √(Σ w ‖L − L*‖² / Σ w ‖L*‖²) over all pixels of which something is wanted: L the radiance, L* the wanted one, w the alpha.
+    /// √(Σ w ‖L − L*‖² / Σ w ‖L*‖²) over all pixels of which something is wanted: L the radiance, L* the wanted one, w the weight.
     pub weighted_residual: Change,
     /// The same and more, view by view.
     #[serde(rename = "match")]
     pub matched: Vec<ViewMatch>,
+    /// Angles between the hues shown and wanted at the end, over all pixels of which a hue is wanted; none where hues are not compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hue: Option<HueAngles>,
+    /// The light map against its light, where one was looked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub light: Option<LightRecord>,
+    /// Wishes that nothing within the bounds fulfils, as shares of what is missing.
+    pub out_of_reach: WishShares,
     /// Seconds of each stage; `total` is the whole run.
     pub timings: BTreeMap<String, f64>,
     /// Bytes of each part; `peak` is the most at any time, `budget` what was allowed.
@@ -75,6 +85,44 @@ pub struct Report {
     /// The frames, where there are several. `stages` and `match` are then of all keys, and the other numbers of the last key.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub animation: Option<AnimationRecord>,
+}
+
+/// Angles between the hues shown and wanted, in degrees.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct HueAngles {
+    /// What half of the pixels exceed.
+    pub median: f64,
+    /// What a tenth of the pixels exceeds.
+    pub nine_tenths: f64,
+}
+
+/// A light map against the light that shines through it.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct LightRecord {
+    /// The brightest channel of any texel, as a multiple of the light's.
+    pub brightest: f64,
+    /// The share of the painted pixels' light that comes from outside the light map.
+    pub outside: f64,
+    /// By which part of itself the squared misfit would fall, were all upper bounds a tenth higher; to first order.
+    pub held_back: f64,
+}
+
+/// Shares of what is missing.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct WishShares {
+    /// Of wishes for more than is possible.
+    pub above: f64,
+    /// Of wishes for less than is possible.
+    pub below: f64,
+}
+
+impl From<OutOfReach> for WishShares {
+    fn from(OutOfReach { above, below, .. }: OutOfReach) -> Self {
+        Self { above, below }
+    }
 }
 
 /// Frames that were made of key frames.
@@ -226,7 +274,7 @@ pub struct ProblemSize {
     pub unknowns: u64,
     /// What those are, such as `texels`.
     pub elements: String,
-    /// Those that a row reaches.
+    /// Those that were solved for: those that a row reaches, and one for each cell of those that smoothness reaches.
     pub active_unknowns: u64,
     /// Pairs (row, unknown) with a weight.
     pub nonzeros: u64,
@@ -283,6 +331,9 @@ pub struct ViewMatch {
     pub painted_pixels: u64,
     /// [`Report::weighted_residual`] over them alone.
     pub weighted_residual: Change,
+    /// Angles between the hues shown and wanted at the end; none where hues are not compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hue: Option<HueAngles>,
     /// Their mean error of hue in degrees; none where hues are not compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hue_error: Option<Change>,
@@ -322,6 +373,13 @@ pub struct Coverage {
     /// How many of the reached weigh so little that the regularization decides.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weak: Option<u64>,
+}
+
+impl Change {
+    /// The part of what was missing at the start that is there at the end, from 0 to 1; none where nothing was missing.
+    pub fn met(&self) -> Option<f64> {
+        (self.before > 0.0).then(|| (1.0 - self.after / self.before).max(0.0))
+    }
 }
 
 impl Report {

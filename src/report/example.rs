@@ -1,6 +1,8 @@
 use super::data::{
-    Certificate, Change, Coverage, ProblemSize, Report, RowStrategy, Share, StopRecord, ViewMatch, Work,
+    Certificate, Change, Coverage, HueAngles, LightRecord, ProblemSize, Report, RowStrategy, Share,
+    StopRecord, ViewMatch, WishShares, Work,
 };
+use crate::Warning;
 use crate::problem::{Nouns, RegularizationWeights};
 use crate::solve::Progress;
 
@@ -10,6 +12,14 @@ use crate::solve::Progress;
 pub fn example() -> Report {
     Report {
         surroundings: None,
+        warnings: vec![Warning::new(
+            "stroke-in-shadow",
+            "strokes[3] of view `aisle` lies in shadow: no light reaches any of its 212 pixels",
+            "paint where light is seen, or take it away",
+        )],
+        hue: Some(HueAngles { median: 3.1, nine_tenths: 11.4 }),
+        light: Some(LightRecord { brightest: 1.0, outside: 0.012, held_back: 0.002 }),
+        out_of_reach: WishShares::default(),
         stages: Vec::new(),
         animation: None,
         version: env!("CARGO_PKG_VERSION").into(),
@@ -101,6 +111,7 @@ fn views() -> Vec<ViewMatch> {
         ViewMatch {
             view: name.into(),
             painted_pixels: pixels,
+            hue: Some(HueAngles { median: agreed[1], nine_tenths: 2.0 * hue[1] }),
             weighted_residual: change(residual),
             hue_error: Some(change(hue)),
             uncontested_hue_error: Some(change(agreed)),

@@ -11,8 +11,8 @@ mod ticks;
 mod words;
 
 pub use data::{
-    AnimationRecord, Certificate, Change, Coverage, KeyRecord, ProblemSize, Report, RowStrategy, Share,
-    StageRecord, StopRecord, SunRecord, SurroundingsRecord, ViewMatch, Work,
+    AnimationRecord, Certificate, Change, Coverage, HueAngles, KeyRecord, LightRecord, ProblemSize, Report,
+    RowStrategy, Share, StageRecord, StopRecord, SunRecord, SurroundingsRecord, ViewMatch, WishShares, Work,
 };
 pub use example::example;
 pub use html::{Pictures, ViewPictures, html};

@@ -1,28 +1,54 @@
 //! The parts of the page that are words and numbers.
 
-use super::data::Report;
+use super::data::{HueAngles, Report};
 use super::plot;
 use super::words::{self, bytes, count, counted, degrees, escaped, label, number, percent, seconds, share};
-use crate::Result;
 use crate::problem::Nouns;
+use crate::{Result, Warning};
 
 /// Title, summary, and the few numbers that matter most.
 pub(super) fn opening(report: &Report) -> String {
     format!(
         "<main>\n<header>\n<p class=\"eyebrow\">unscatter {}</p>\n<h1>{}</h1>\n<p class=\"summary\">{}</p>\n\
-         <dl class=\"tiles\">\n{}</dl>\n</header>\n",
+         {}<dl class=\"tiles\">\n{}</dl>\n</header>\n",
         escaped(&report.command),
         escaped(&report.scene),
         summary(report),
+        warnings(report),
         tiles(report)
     )
 }
 
+/// What a person should know, before all numbers.
+fn warnings(report: &Report) -> String {
+    if report.warnings.is_empty() {
+        return String::new();
+    }
+    let item = |Warning { code, text, remedy }: &Warning| {
+        let remedy =
+            if remedy.is_empty() { String::new() } else { format!(" <em>{}.</em>", escaped(&upper(remedy))) };
+        format!("<li id=\"{}\">{}.{remedy}</li>\n", escaped(code), escaped(&upper(text)))
+    };
+    let items: String = report.warnings.iter().map(item).collect();
+    format!("<ul class=\"warnings\">\n{items}</ul>\n")
+}
+
+/// With a capital letter; a name at the beginning stays as it is.
+fn upper(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
+    first + letters.as_str()
+}
+
 fn summary(report: &Report) -> String {
     let residual = report.weighted_residual;
-    let hue = match hue_error(report) {
-        Some([before, after]) => {
-            format!(", and their mean hue error from {} to {}", degrees(before), degrees(after))
+    let hue = match report.hue {
+        Some(HueAngles { median, nine_tenths }) => {
+            format!(
+                ", hue is off by {} in the middle and by less than {} in nine of ten pixels",
+                degrees(median),
+                degrees(nine_tenths)
+            )
         }
         None => String::new(),
     };
@@ -38,14 +64,14 @@ fn summary(report: &Report) -> String {
         )
     });
     format!(
-        "{}{}, {}: they moved from {} to {} away from the {}{hue}{time}. \
-         It stopped {}, after {}.",
+        "{}{}, {}: {}{hue}{time}. It stopped {}, after {}.",
         frames.unwrap_or_default(),
         counted(report.problem.views, "view"),
         escaped(&counted(wanted_pixels(report), &nouns.pixel)),
-        percent(residual.before),
-        percent(residual.after),
-        escaped(&nouns.wanted),
+        escaped(&match residual.met() {
+            Some(part) => format!("the {} is met to {}", nouns.wanted, percent(part)),
+            None => format!("the {} asks for no change", nouns.wanted),
+        }),
         escaped(&words::stopped(&report.stop.reason, nouns)),
         counted(report.stop.iteration, "iteration"),
     )
@@ -56,9 +82,20 @@ fn tiles(report: &Report) -> String {
         format!("<s>{before}</s><span aria-label=\"to\"> → </span><b>{after}</b>")
     };
     let residual = report.weighted_residual;
-    let mut tiles = tile(&distance(&report.nouns), change(percent(residual.before), percent(residual.after)));
-    if let Some([before, after]) = hue_error(report) {
-        tiles.push_str(&tile("Hue error", change(degrees(before), degrees(after))));
+    let met = residual.met().map(|part| {
+        tile(&label(&format!("{} met", report.nouns.wanted)), format!("<b>{}</b>", percent(part)))
+    });
+    let mut tiles = met.unwrap_or_default();
+    tiles
+        .push_str(&tile(&distance(&report.nouns), change(percent(residual.before), percent(residual.after))));
+    if let Some(hue) = report.hue {
+        tiles.push_str(&tile("Hue off by", format!("<b>{}</b>", degrees(hue.median))));
+    }
+    if let Some(light) = report.light {
+        tiles.push_str(&tile(
+            "Brightest texel",
+            format!("<b>{:.2}</b> <span>× the light</span>", light.brightest),
+        ));
     }
     let coverage = &report.coverage;
     let reached = format!("{} reached", label(&coverage.elements));
@@ -81,21 +118,6 @@ pub(super) fn distance(nouns: &Nouns) -> String {
 fn wanted_pixels(report: &Report) -> u64 {
     let sum = report.matched.iter().fold(0, |sum: u64, view| sum.saturating_add(view.painted_pixels));
     if sum > 0 { sum } else { report.problem.rows }
-}
-
-/// The mean hue error of all pixels of the views that have one, before and after.
-fn hue_error(report: &Report) -> Option<[f64; 2]> {
-    let mut pixels = 0.0;
-    let mut sums = [0.0; 2];
-    for view in &report.matched {
-        if let Some(error) = view.hue_error {
-            let weight = view.painted_pixels as f64;
-            pixels += weight;
-            sums[0] += weight * error.before;
-            sums[1] += weight * error.after;
-        }
-    }
-    (pixels > 0.0).then(|| sums.map(|sum| sum / pixels))
 }
 
 /// Seconds of the whole run, if the report has them.

@@ -40,8 +40,8 @@ pub use mesh::{AlphaMask, Material, Mesh, Object, Wrap};
 pub use primitive::Primitive;
 pub use procedural::{Blob, Noise, Procedural};
 pub use settings::{
-    Basis, MapSettings, MetricName, Quadrature, Regularization, RegularizationWeight, SolveSettings,
-    SolverName, Strategy, Target,
+    Basis, Fade, MapFit, MapSettings, MetricName, Opacity, Quadrature, Regularization, RegularizationWeight,
+    SolveSettings, SolverName, Strategy, Target,
 };
 pub use skipping::Skipping;
 pub use strokes::Stroke;
@@ -76,8 +76,10 @@ pub struct Scene {
     pub name: String,
     /// The sun.
     pub light: DirectionalLight,
-    /// The air.
+    /// The air, per unit of length of the scene.
     pub medium: Medium,
+    /// Metres in a unit of length of the scene, of which there is only talk.
+    pub metres_per_unit: f64,
     /// What casts shadows and what the views see.
     pub mesh: Arc<Mesh>,
     /// Radiance from everywhere but the sun: surfaces reflect it, and the medium scatters it towards the eye.
@@ -92,10 +94,13 @@ pub struct Scene {
     pub shadow_map: MapSettings,
     /// What a painted colour means.
     pub target: Target,
+    /// What the opacity of paint means.
+    pub opacity: Opacity,
     /// How the problem is solved.
     pub solve: SolveSettings,
-    /// Stops by which PNG pictures are brightened; EXR pictures hold radiance as it is.
-    pub exposure: f64,
+    /// Stops by which PNG pictures are brightened; where none are given, as many as make them readable. EXR pictures hold radiance as it
+    /// is.
+    pub exposure: Option<f64>,
 }
 
 impl Scene {

@@ -7,8 +7,29 @@ use super::{Extent, Skipping};
 pub struct MapSettings {
     /// Texels along u and along v.
     pub size: [usize; 2],
+    /// Whether texels are square: `size` then says how many they are at most, and the extent how many lie along each side.
+    pub square_texels: bool,
     /// Where it lies in the light's frame; fitted when not set.
     pub extent: Option<Extent>,
+    /// What the extent of a light map is fitted to.
+    pub fit: MapFit,
+}
+
+impl MapSettings {
+    /// So many texels along u and along v, wherever they are needed.
+    pub fn new(size: [usize; 2]) -> Self {
+        Self { size, square_texels: false, extent: None, fit: MapFit::default() }
+    }
+}
+
+/// What the extent of a light map is fitted to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MapFit {
+    /// 95 % of the light that painted pixels scatter, in the shade of geometry or in open air.
+    #[default]
+    Scattered,
+    /// What rays through painted pixels pass, but not beyond the geometry, as in Kol 2017: light from elsewhere keeps its radiance.
+    Seen,
 }
 
 /// What lies between the values of a light map.
@@ -38,11 +59,24 @@ pub enum Quadrature {
 /// What a painted colour asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Target {
-    /// The painted colour times the radiance that a white light map gives there (Kol 2017, sec. 4.2).
+    /// The painted colour times what the light itself gives there: white asks for no change.
     #[default]
     Tint,
+    /// The painted colour times what a white light as bright would give there (Kol 2017, sec. 4.2).
+    WhiteTint,
     /// The painted colour is the radiance of the scattered light itself.
     Radiance,
+}
+
+/// What the opacity of paint says: of strokes, of their soft edges, and of layers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Opacity {
+    /// How far the picture goes from what is there to the painted colour: faint paint is a faint tint. Narrow edges of strokes weigh less, wide
+    /// ones are gradients.
+    #[default]
+    Strength,
+    /// How much it weighs that the picture has the painted colour (Kol 2017; Klehm 2015, sec. 7.4).
+    Weight,
 }
 
 /// Whether the non-zeros of the transport are kept or walked again in each application.
@@ -171,6 +205,18 @@ impl Default for Regularization {
     }
 }
 
+/// How far smoothness carries what is found into elements that no row reaches, but that are seen.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Fade {
+    /// Such elements keep their start.
+    #[default]
+    Nowhere,
+    /// What is found falls to a part of 1/e over this part of the side of a square as large as the map.
+    OfMap(f64),
+    /// It does so over this distance, in metres.
+    Metres(f64),
+}
+
 /// How the problem is discretized and solved.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolveSettings {
@@ -192,6 +238,8 @@ pub struct SolveSettings {
     pub fill: bool,
     /// Pulls towards the start what the strokes do not determine.
     pub regularization: Regularization,
+    /// How far `regularization.gradient` carries what is found beyond what rows reach.
+    pub fade: Fade,
     /// Basis of the light map.
     pub basis: Basis,
     /// How rays are integrated.
@@ -231,6 +279,7 @@ impl Default for SolveSettings {
             metric: MetricName::default(),
             fill: false,
             regularization: Regularization::default(),
+            fade: Fade::default(),
             basis: Basis::default(),
             quadrature: Quadrature::default(),
             strategy: Strategy::default(),

@@ -7,10 +7,12 @@ pub struct Stroke {
     pub points: Vec<[f32; 2]>,
     /// Half the width in pixels.
     pub radius: f32,
-    /// 1: a hard edge; 0: weight falls off linearly from the middle to the edge.
+    /// 1: a hard edge; 0: opacity falls off linearly from the middle to the edge.
     pub hardness: f32,
-    /// Weight of the constraint in the middle of the stroke, in (0, 1].
+    /// How strong the paint is in the middle of the stroke, in (0, 1].
     pub opacity: f32,
+    /// Weight of its pixels in the solve, in (0, 1].
+    pub weight: f32,
     /// The desired colour, linear: dimensionless for `tint`, radiance for `radiance`.
     pub color: Rgb,
 }

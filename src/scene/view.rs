@@ -11,4 +11,6 @@ pub struct View {
     pub strokes: Vec<Stroke>,
     /// Painted layers of the view's size, from the bottom up.
     pub layers: Vec<RgbaImage>,
+    /// Weight, from 0 to 1, of the wish that a pixel without paint stays as it is.
+    pub keep: f32,
 }

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
 use super::{
-    DirectionalLight, Environment, Image, Interpolation, LightBasis, Mesh, Rgb, SolveSettings, Target, View,
-    Volume,
+    DirectionalLight, Environment, Image, Interpolation, LightBasis, Mesh, Opacity, Rgb, SolveSettings,
+    Target, View, Volume,
 };
 
 /// Everything that a volume solve starts from.
@@ -29,6 +29,8 @@ pub struct VolumeScene {
     pub views: Vec<VolumeView>,
     /// What a painted colour means.
     pub target: Target,
+    /// What the opacity of paint means.
+    pub opacity: Opacity,
     /// What is looked for, in turn.
     pub stages: Vec<Find>,
     /// How often the stages are gone through at most: over and over, until the pictures come no nearer.
@@ -78,9 +80,6 @@ pub struct VolumeView {
     pub view: View,
     /// Radiance that the picture should show and, in alpha, the weight of each pixel.
     pub picture: Option<super::RgbaImage>,
-    /// Weight with which unpainted pixels of a view stay as they are, from 0 to 1. It counts only where something is painted on the
-    /// view.
-    pub keep: f32,
     /// Whether the volume is seen in each pixel, row by row; none where nobody says.
     pub mask: Option<Vec<bool>>,
     /// Radiance that is seen behind the volume, instead of the scene's background.

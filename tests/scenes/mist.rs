@@ -5,7 +5,7 @@ use unscatter::scene::Scene;
 
 /// A roof and a coloured block in mist over a floor, with open air beside them, painted nearly everywhere.
 const SCENE: &str = r##"{
-    "version": 1,
+    "version": 1, "defaults": "paper",
     "light": {"direction": [0.4, -1, 0.25], "radiance": [3, 2.5, 2]},
     "medium": {"sigma_t": 0.06, "albedo": 0.9, "g": 0.25},
     "ambient": [0.02, 0.03, 0.04],

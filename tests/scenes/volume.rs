@@ -5,9 +5,9 @@ use std::sync::Arc;
 use glam::{DAffine3, DQuat, DVec3};
 use unscatter::problem::{Desired, Model, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use unscatter::scene::{
-    Camera, Environment, ExtinctionSettings, Find, FovAxis, Image, Interpolation, LightBasis, Mesh, Over,
-    PropertyBounds, Regularization, RegularizationWeight, Rgb, Samples, SolveSettings, Target, View, Volume,
-    VolumeMedium, VolumeScene, VolumeView, VoxelGrid, look_at,
+    Camera, Environment, ExtinctionSettings, Find, FovAxis, Image, Interpolation, LightBasis, Mesh, Opacity,
+    Over, PropertyBounds, Regularization, RegularizationWeight, Rgb, Samples, SolveSettings, Target, View,
+    Volume, VolumeMedium, VolumeScene, VolumeView, VoxelGrid, look_at,
 };
 use unscatter::visibility::Geometry;
 
@@ -113,9 +113,14 @@ impl Cloud {
 /// A medium under a sky, without surfaces, seen by some cameras; nothing pulls at what is looked for.
 pub fn scene(medium: VolumeMedium, environment: Environment, cameras: Vec<Camera>) -> VolumeScene {
     let view = |(index, camera): (usize, Camera)| VolumeView {
-        view: View { name: format!("view {index}"), camera, strokes: Vec::new(), layers: Vec::new() },
+        view: View {
+            name: format!("view {index}"),
+            camera,
+            strokes: Vec::new(),
+            layers: Vec::new(),
+            keep: 1.0,
+        },
         picture: None,
-        keep: 1.0,
         mask: None,
         background: None,
     };
@@ -132,6 +137,7 @@ pub fn scene(medium: VolumeMedium, environment: Environment, cameras: Vec<Camera
         mesh: Arc::new(Mesh::default()),
         views: cameras.into_iter().enumerate().map(view).collect(),
         target: Target::Radiance,
+        opacity: Opacity::default(),
         stages: Vec::new(),
         rounds: 1,
         extinction: ExtinctionSettings {

@@ -192,18 +192,19 @@ fn strokes_come_and_go_and_nothing_changes_where_one_is_refused() {
         radius: 30.0,
         hardness: 1.0,
         opacity: 1.0,
+        weight: 1.0,
         color: [1.0, 0.0, 0.0],
     };
     live.paint("court", dab.clone()).unwrap();
-    assert_ne!(live.painting("court").unwrap().pixels, before.pixels);
+    assert_ne!(live.painting("court").unwrap(), before);
     let last = live.strokes("court").unwrap().len() - 1;
     live.replace("court", last, None).unwrap();
-    assert_eq!(live.painting("court").unwrap().pixels, before.pixels);
+    assert_eq!(live.painting("court").unwrap(), before);
     let beside = Stroke { points: vec![[-900.0, 0.0]], ..dab.clone() };
     assert!(live.paint("court", beside).is_err());
     assert!(live.paint("nowhere", dab.clone()).is_err());
     assert!(live.replace("court", 99, Some(dab)).is_err());
-    assert_eq!(live.painting("court").unwrap().pixels, before.pixels);
+    assert_eq!(live.painting("court").unwrap(), before);
     // Nothing painted anywhere: there is nothing to solve.
     for view in live.views().map(str::to_owned).collect::<Vec<_>>() {
         while !live.strokes(&view).unwrap().is_empty() {

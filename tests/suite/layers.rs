@@ -16,7 +16,7 @@ const CRATE: Layers = Layers {
     prefix: "crate::",
     root: "error",
     modules: &[
-        &["error"],
+        &["error", "warning"],
         &["scene"],
         &["visibility"],
         &["march"],

@@ -7,7 +7,7 @@ use unscatter::Error;
 use unscatter::march::FurtherWeights;
 use unscatter::operator::{CpuVector, LinearOperator, Neighbours, TransportOperator, adjoint_test};
 use unscatter::problem::{LightMapProblem, Problem, evenly, render, solve};
-use unscatter::scene::{Medium, Ray, RegularizationWeight, Rgb, Scene, Strategy};
+use unscatter::scene::{Medium, Ray, RegularizationWeight, Rgb, Scene, Strategy, Target};
 use unscatter::solve::Control;
 use unscatter::sparse::ExplicitMatrix;
 use unscatter::visibility::Geometry;
@@ -94,12 +94,16 @@ fn rows_show_what_pictures_show() {
 
 #[test]
 fn paint_is_about_all_that_is_seen() {
-    for case in CASES.iter().filter(|case| case.block == "0.3") {
-        let mut scene = scene_of(case);
+    let cases = CASES.iter().filter(|case| case.block == "0.3");
+    for (case, target) in cases.flat_map(|case| [(case, Target::Tint), (case, Target::WhiteTint)]) {
+        let mut scene = Scene { target, ..scene_of(case) };
         let problem = LightMapProblem::new(&scene).unwrap();
         let [before, _] = {
-            // The same lights, as bright and white.
-            let white = |color: Rgb| [0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]; 3];
+            // The same lights as they are, or as bright and white.
+            let white = |color: Rgb| match target {
+                Target::WhiteTint => [0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]; 3],
+                _ => color,
+            };
             scene.light.radiance = white(scene.light.radiance);
             scene.ambient = white(scene.ambient);
             if let Some(sky) = scene.surroundings.as_mut().and_then(|it| it.sky.as_mut()) {
@@ -113,7 +117,7 @@ fn paint_is_about_all_that_is_seen() {
         let painted: Vec<Rgb> =
             painted.map(|(pixel, seen)| std::array::from_fn(|c| pixel.color[c] * seen[c])).collect();
         let error = distance(&wanted, &painted);
-        assert!(error <= SURROUNDINGS_PICTURE, "{case:?}: {error:e}");
+        assert!(error <= SURROUNDINGS_PICTURE, "{case:?}, {target:?}: {error:e}");
     }
 }
 

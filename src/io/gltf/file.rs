@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::{extensions, unread};
 use crate::io::input;
-use crate::{Error, Result};
+use crate::{Error, Result, Warning};
 
 /// Neither a single file nor all buffers together are read beyond this many bytes.
 const MAX_FILE: u64 = 1 << 32;
@@ -169,7 +169,7 @@ impl GltfFile {
     pub(super) fn warn(&self, what: String) {
         let mut said = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
         if !said.contains(&what) {
-            tracing::warn!("{}: {what}", self.path.display());
+            Warning::new("ignored", format!("{}: {what}", self.path.display()), "").tell();
             said.push(what);
         }
     }

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use super::input;
 use super::whole::write_whole;
 use crate::scene::{Camera, Image, RgbaImage};
-use crate::{Error, Result};
+use crate::{Error, Result, Warning};
 
 pub(in crate::io) use cover::read_cover;
 pub use openexr::write_exr;
@@ -280,10 +280,8 @@ fn room<const N: usize>(path: &Path, [width, height]: [usize; 2]) -> Result<Vec<
 /// Says what a picture says of its colours and nobody listens to.
 fn warn_of_ignored(path: &Path, ignored: &[String]) {
     if !ignored.is_empty() {
-        let (file, ignored) = (path.display(), ignored.join(", and "));
-        tracing::warn!(
-            "{file}: {ignored}; this is ignored, so convert it to sRGB, or save it as linear Rec. 709"
-        );
+        let text = format!("{}: {}; this is ignored", path.display(), ignored.join(", and "));
+        Warning::new("ignored", text, "convert it to sRGB, or save it as linear Rec. 709").tell();
     }
 }
 

@@ -14,7 +14,7 @@ use self::materials::Materials;
 use self::statements::{Statement, Statements, name, number, shown, words};
 use super::input;
 use crate::scene::{Mesh, Object};
-use crate::{Error, Result};
+use crate::{Error, Result, Warning};
 
 /// No file is read beyond this many bytes.
 const MAX_FILE: u64 = 1 << 32;
@@ -35,7 +35,7 @@ const FARTHEST: f64 = 1e100;
 pub fn load(path: &Path, most_triangles: usize) -> Result<Mesh> {
     let (mesh, warnings) = read(path, &input::bytes(path, MAX_FILE, "split the scene")?, most_triangles)?;
     for warning in warnings {
-        tracing::warn!("{}: {warning}", path.display());
+        Warning::new("ignored", format!("{}: {warning}", path.display()), "").tell();
     }
     Ok(mesh)
 }

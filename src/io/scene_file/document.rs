@@ -1,5 +1,6 @@
 //! A scene file as it is written.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use schemars::JsonSchema;
@@ -9,13 +10,16 @@ use crate::scene::{self, Scene};
 
 use super::assets::Assets;
 use super::channels::Channels;
-use super::flaw::{At, Built, Flaw, checked};
+use super::defaults::Defaults;
+use super::exposure::Exposure;
+use super::flaw::{At, Built, Flaw};
 use super::light::Light;
 use super::map::{LightMap, ShadowMap};
 use super::medium::Medium;
 use super::occluder::{Occluder, mesh_of};
 use super::solve::Solve;
 use super::surroundings::Surroundings;
+use super::unit::Unit;
 use super::view::View;
 
 /// An unscatter scene. Lengths are in metres, angles in degrees, radiance is linear Rec. 709; cameras look along
@@ -29,6 +33,18 @@ pub struct Document {
     /// Version of this format: 1.
     #[schemars(range(min = 1, max = 1))]
     pub version: u64,
+    /// Which defaults settings have that are not given.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
+    pub defaults: Defaults,
+    /// The unit of all lengths of this file and of the files that it names, but not of `sigma_t`, which is per metre.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
+    pub unit: Unit,
+    /// Why values were chosen that were not given, by their paths: `scene.resolved.json` says so; ignored.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(!skip_serializing_if)]
+    pub chosen: BTreeMap<String, String>,
     /// What the scene is called in titles and reports; the name of the file when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
@@ -62,10 +78,14 @@ pub struct Document {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
     pub target: Target,
-    /// Stops by which PNG pictures are brightened, from −64 to 64.
+    /// What the opacity of strokes, their soft edges and the alpha of layers ask for.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
-    pub exposure: f64,
+    pub opacity: Opacity,
+    /// Stops by which PNG pictures are brightened, from −64 to 64; or `auto`: as many as make them readable.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
+    pub exposure: Exposure,
     /// How the problem is solved.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
@@ -76,11 +96,24 @@ pub struct Document {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Target {
-    /// The painted colour times the radiance that a white light map gives there.
+    /// The painted colour times what the light itself gives there: white asks for no change.
     #[default]
     Tint,
+    /// The painted colour times what a white light as bright would give there.
+    WhiteTint,
     /// The painted colour is the radiance of the scattered light itself.
     Radiance,
+}
+
+/// What opacity asks for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Opacity {
+    /// How far the picture goes from what is there to the painted colour: faint paint is a faint tint.
+    #[default]
+    Strength,
+    /// How much it weighs that the picture has the painted colour: faint paint is a weak wish for the whole colour.
+    Weight,
 }
 
 impl Document {
@@ -92,6 +125,9 @@ impl Document {
         Self {
             schema: None,
             version: Self::VERSION,
+            defaults: Defaults::default(),
+            unit: Unit::default(),
+            chosen: BTreeMap::new(),
             name: None,
             light,
             medium,
@@ -102,7 +138,8 @@ impl Document {
             light_map: LightMap::default(),
             shadow_map: ShadowMap::default(),
             target: Target::default(),
-            exposure: 0.0,
+            opacity: Opacity::default(),
+            exposure: Exposure::default(),
             solve: Solve::default(),
         }
     }
@@ -114,13 +151,17 @@ impl Document {
         }
         let mut assets = Assets::beside(file).within(self.solve.memory);
         // What is small is looked at before what may take long to read.
-        let medium = self.medium.build().at("medium")?;
+        let medium = self.medium.build(self.unit.metres()).at("medium")?;
         let ambient = self.ambient.rgb("ambient", f32::MAX)?;
         let light_map = self.light_map.build().at("light_map")?;
         let shadow_map = self.shadow_map.build().at("shadow_map")?;
-        let exposure = checked("exposure", self.exposure, "from -64 to 64 stops", |e| e.abs() <= 64.0)?;
-        let solve = self.solve.build(self.light_map.basis.into()).at("solve")?;
+        let exposure = self.exposure.build()?;
+        let mut solve =
+            self.solve.build_light_map(self.light_map.texels(), self.light_map.basis.into()).at("solve")?;
         let light = self.light.build(&mut assets).at("light")?;
+        if self.is_gobo() && self.solve.upper.is_none() {
+            solve.bounds[1] = light.radiance.map(f64::from);
+        }
         let surroundings = self.surroundings.as_ref();
         let surroundings = surroundings.map(|it| it.build(&assets).at("surroundings")).transpose()?;
         let views = self.build_views(&mut assets)?;
@@ -129,6 +170,7 @@ impl Document {
             name: self.name.clone().unwrap_or_else(|| stem(file)),
             light,
             medium,
+            metres_per_unit: self.unit.metres(),
             mesh,
             ambient,
             surroundings,
@@ -136,14 +178,22 @@ impl Document {
             light_map,
             shadow_map,
             target: self.target.into(),
+            opacity: self.opacity.into(),
             solve,
             exposure,
         })
     }
 
+    /// Whether the light map only dims.
+    fn is_gobo(&self) -> bool {
+        self.light_map.gobo.unwrap_or(self.target != Target::Radiance)
+    }
+
     /// Puts in the settings that are not given and that the schema has no default for.
     pub(super) fn settle(&mut self, file: &Path) {
         self.schema = None;
+        self.light_map.gobo = Some(self.is_gobo());
+        self.solve.settle_light_map(self.light_map.texels());
         self.name.get_or_insert_with(|| stem(file));
         self.light.settle();
         self.surroundings.iter_mut().for_each(Surroundings::settle);
@@ -182,7 +232,17 @@ impl From<Target> for scene::Target {
     fn from(target: Target) -> Self {
         match target {
             Target::Tint => Self::Tint,
+            Target::WhiteTint => Self::WhiteTint,
             Target::Radiance => Self::Radiance,
+        }
+    }
+}
+
+impl From<Opacity> for scene::Opacity {
+    fn from(opacity: Opacity) -> Self {
+        match opacity {
+            Opacity::Strength => Self::Strength,
+            Opacity::Weight => Self::Weight,
         }
     }
 }

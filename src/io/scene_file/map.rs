@@ -13,16 +13,34 @@ use crate::scene::{self, Grid, MapSettings};
 use super::flaw::{At, Built, within};
 
 /// The light map that is looked for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LightMap {
-    /// Texels: N for a square, or [width, height]; each side from 1 to 8192.
-    pub size: MapSize,
-    /// Where it lies in the plane of the light; fitted to what the views see when not given.
+    /// Texels: N for N × N, or [width, height]; each side from 1 to 8192. When not given, texels are square, and at most 512 × 512 in all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub size: Option<MapSize>,
+    /// Where it lies in the plane of the light; fitted as `fit` says when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub extent: Option<Extent>,
+    /// What its place is fitted to.
+    pub fit: Fit,
     /// What lies between its values.
     pub basis: Basis,
+    /// Whether it is a slide, which only dims: no texel is brighter than the light in any channel, unless `solve.upper` says so. When not
+    /// given, it is where paint is a tint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gobo: Option<bool>,
+}
+
+/// What the place of a light map is fitted to.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fit {
+    /// 95 % of the light that painted pixels scatter, under occluders or in open air.
+    #[default]
+    Scattered,
+    /// What rays through painted pixels pass, but not beyond the occluders: light from elsewhere keeps its colour.
+    Seen,
 }
 
 /// The shadow map of the light.
@@ -66,14 +84,10 @@ pub enum MapSize {
     Sides([usize; 2]),
 }
 
+/// Texels along each side of a light map that nothing is said about, if it is a square.
+const LIGHT_SIDE: usize = 512;
 const LIGHT_SIDES: [usize; 2] = [1, 8192];
 const SHADOW_SIDES: [usize; 2] = [64, 8192];
-
-impl Default for LightMap {
-    fn default() -> Self {
-        Self { size: MapSize::Square(512), extent: None, basis: Basis::default() }
-    }
-}
 
 impl Default for ShadowMap {
     fn default() -> Self {
@@ -82,8 +96,25 @@ impl Default for ShadowMap {
 }
 
 impl LightMap {
+    fn size_or_default(&self) -> MapSize {
+        self.size.unwrap_or(MapSize::Square(LIGHT_SIDE))
+    }
+
+    /// How many texels it has at most.
+    pub(super) fn texels(&self) -> usize {
+        match self.size_or_default() {
+            MapSize::Square(side) => side.saturating_mul(side),
+            MapSize::Sides([width, height]) => width.saturating_mul(height),
+        }
+    }
+
     pub(super) fn build(&self) -> Built<MapSettings> {
-        settings(self.size, self.extent.as_ref(), LIGHT_SIDES)
+        let map = settings(self.size_or_default(), self.extent.as_ref(), LIGHT_SIDES)?;
+        let fit = match self.fit {
+            Fit::Scattered => scene::MapFit::Scattered,
+            Fit::Seen => scene::MapFit::Seen,
+        };
+        Ok(MapSettings { fit, square_texels: self.size.is_none(), ..map })
     }
 }
 
@@ -109,13 +140,13 @@ fn settings(size: MapSize, extent: Option<&Extent>, sides: [usize; 2]) -> Built<
             [within("size[0]", width, sides)?, within("size[1]", height, sides)?]
         }
     };
-    let Some(extent) = extent else { return Ok(MapSettings { size, extent: None }) };
+    let Some(extent) = extent else { return Ok(MapSettings::new(size)) };
     let (min, max) = (DVec2::from_array(extent.min), DVec2::from_array(extent.max));
     let grid = Grid::new(scene::Extent { min, max }, size)?;
     // Two finite corners may still be infinitely far apart, or too close for their texels to have a width.
     super::flaw::checked("", grid.density().element_product(), "an extent of ordinary size", f64::is_normal)
         .at("extent")?;
-    Ok(MapSettings { size, extent: Some(grid.extent) })
+    Ok(MapSettings { extent: Some(grid.extent), ..MapSettings::new(size) })
 }
 
 impl Serialize for MapSize {

@@ -23,8 +23,10 @@ pub struct Medium {
 }
 
 impl Medium {
-    pub(super) fn build(&self) -> Built<scene::Medium> {
-        Ok(scene::Medium::new(self.sigma_t.wide(), self.albedo.wide(), self.g)?)
+    /// Per unit of length, of which there are `metres`.
+    pub(super) fn build(&self, metres: f64) -> Built<scene::Medium> {
+        scene::Medium::new(self.sigma_t.wide(), self.albedo.wide(), self.g)?;
+        Ok(scene::Medium::new(self.sigma_t.wide().map(|sigma| sigma * metres), self.albedo.wide(), self.g)?)
     }
 }
 

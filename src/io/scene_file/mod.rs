@@ -6,7 +6,9 @@
 
 mod assets;
 mod channels;
+mod defaults;
 mod document;
+mod exposure;
 mod file_name;
 mod flaw;
 mod gltf_node;
@@ -27,6 +29,7 @@ mod surroundings;
 #[cfg(test)]
 mod tests;
 mod transform;
+mod unit;
 mod view;
 mod volume;
 mod weight;
@@ -42,19 +45,22 @@ use crate::scene::{Scene, VolumeScene};
 use crate::{Error, Result};
 
 pub use channels::{Channels, Paint, Scale};
-pub use document::{Document, Target};
+pub use defaults::Defaults;
+pub use document::{Document, Opacity, Target};
+pub use exposure::Exposure;
 pub use file_name::FileName;
 pub use gltf_node::GltfNode;
 pub use light::Light;
-pub use map::{Basis, Extent, LightMap, MapSize, ShadowMap};
+pub use map::{Basis, Extent, Fit, LightMap, MapSize, ShadowMap};
 pub use medium::Medium;
 pub use occluder::{BoxShape, CylinderShape, GltfMesh, ObjMesh, Occluder, PlaneShape, SphereShape};
 pub use opened::SceneFile;
-pub use resolved::Resolved;
+pub use resolved::{Chosen, Resolved};
 pub use size::{MemorySize, parse_size};
 pub use solve::{MetricName, Quadrature, Skip, Solve, Solver, Strategy};
 pub use surroundings::{Sky, Surroundings};
 pub use transform::{LookAt, Rotate, Transform};
+pub use unit::Unit;
 pub use view::{Camera, CameraLens, FovAxis, GltfCameraNode, Stroke, View};
 pub use volume::{
     AlphaMeaning, AnimatedVolume, Animation, Between, Capsule, Environment, Extinction, Field, FieldSource,
@@ -217,6 +223,9 @@ fn document<D: Describes>(source: &mut SceneText<'_>, overrides: &[String]) -> R
     }
     // Before all else: a file of another version has other fields, and each would be called unknown.
     source.placed(check_version(&value))?;
+    if D::SUBJECT == Subject::LightMap {
+        defaults::put_into(&mut value);
+    }
     serde_path_to_error::deserialize(&value).map_err(|error| mismatch(source, &value, &error))
 }
 

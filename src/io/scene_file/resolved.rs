@@ -19,8 +19,8 @@ use super::{Subject, schema};
 
 /// A scene file after its overrides, with every setting, defaults included.
 ///
-/// What has no value is left out: a limit, a bound or a file that was not given. So is what follows from the rest of the scene (extents
-/// of maps, numbers of voxels) and what would be another machine's affair: the memory budget, if it was not given.
+/// What has no value is left out: a limit, a bound or a file that was not given. So is what follows from the rest of the scene where nobody
+/// has [`Chosen`] it yet, and what would be another machine's affair: the memory budget, if it was not given.
 #[derive(Debug, Clone)]
 pub struct Resolved {
     subject: Subject,
@@ -41,17 +41,53 @@ impl Resolved {
         Ok(Self { subject, text, folder })
     }
 
-    /// The document as a scene file in `folder`: it is the same scene, and the files that it names are the same files. Their names are
+    /// The document as a scene file in `folder`, with values that were `chosen` because it has none: it is the same scene, and the files that it names are the same files. Their names are
     /// relative to `folder` where it has a folder in common with them that is not the root, else absolute.
     ///
     /// Errors: [`Error::Value`] for a file whose name is no Unicode, which JSON cannot hold.
-    pub fn text_in(&self, folder: &Path) -> Result<String> {
+    pub fn text_in(&self, folder: &Path, chosen: &[Chosen]) -> Result<String> {
         let broken = |error| Error::Machine(format!("the scene cannot be written as JSON: {error}"));
         let (mut document, root) = (serde_json::from_str(&self.text).map_err(broken)?, schema(self.subject));
         let to = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
         let moved = |name: &str| Ok(FileName::from(name).moved(&self.folder, &to)?.to_string());
+        chosen.iter().for_each(|chosen| chosen.put_into(&mut document));
         complete(&mut document, &root, &root, &moved)?;
         text_of_value(&document)
+    }
+}
+
+/// A value that a document has not, and that follows from the rest of its scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chosen {
+    /// Where it goes, such as `light_map.extent`.
+    pub path: &'static str,
+    /// The value.
+    pub value: Value,
+    /// Why it is that, in a few words.
+    pub why: String,
+}
+
+impl Chosen {
+    /// Puts it where there is no value, and says why.
+    fn put_into(&self, document: &mut Value) {
+        let mut place = &mut *document;
+        for key in self.path.split('.') {
+            if place.is_null() {
+                *place = Value::Object(Map::new());
+            }
+            let Value::Object(object) = place else { return };
+            place = object.entry(key).or_insert(Value::Null);
+        }
+        if place.is_null() {
+            *place = self.value.clone();
+            let Value::Object(document) = document else { return };
+            let reasons = document.entry("chosen").or_insert_with(|| Value::Object(Map::new()));
+            if let Value::Object(reasons) = reasons {
+                reasons.insert(self.path.to_owned(), self.why.clone().into());
+                // The order in which a document has them.
+                reasons.sort_keys();
+            }
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{self, Regularization, Skipping, SolveSettings, SolverName};
+use crate::scene::{self, Fade, Regularization, Skipping, SolveSettings, SolverName};
 
 use super::channels::Channels;
 use super::flaw::{Built, Flaw, checked, within};
@@ -36,10 +36,17 @@ pub struct Solve {
     pub upper: Option<Channels>,
     /// Pull towards the start; 0 for none.
     pub tikhonov: Weight,
-    /// Pull towards equal neighbours; 0 for none.
-    pub gradient: Weight,
+    /// Pull towards equal neighbours; 0 for none. When not given it is 0 for volumes, and for light maps (n / 512)³, n² being their texels: so
+    /// maps of any size are equally smooth.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gradient: Option<Weight>,
     /// Pull towards the mean of the neighbours; 0 for none.
     pub laplacian: Weight,
+    /// How far `gradient` carries what is found into texels that no stroke reaches but some view sees lit: the distance in the plane of the
+    /// light, in the unit of the scene, over which it falls to a third (1/e); 0 for nowhere. When not given, 1/32 of the side of a square as large as the
+    /// light map. Volumes have none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fade: Option<f64>,
     /// What steps are measured with: the nearer to the normal matrix, the fewer iterations.
     pub metric: MetricName,
     /// Whether texels that no painted ray reaches are filled from their neighbours, instead of keeping their start.
@@ -165,8 +172,9 @@ impl Default for Solve {
             lower: Channels::Rgb(settings.bounds[0]).simplest(),
             upper: None,
             tikhonov: settings.regularization.tikhonov.into(),
-            gradient: settings.regularization.gradient.into(),
+            gradient: None,
             laplacian: settings.regularization.laplacian.into(),
+            fade: None,
             metric: settings.metric.into(),
             fill: settings.fill,
             quadrature: settings.quadrature.into(),
@@ -178,18 +186,58 @@ impl Default for Solve {
     }
 }
 
+/// Pull to equal neighbours of light maps of so many texels, and the part of the map over which it fades: measured in docs/light_maps.md.
+const GRADIENT: f64 = 1.0;
+const GRADIENT_AT: f64 = 512.0 * 512.0;
+const FADE: f64 = 1.0 / 32.0;
 const ITERATIONS: [usize; 2] = [1, 1_000_000];
 const STEPS: [u32; 2] = [1, 100_000];
 
 impl Solve {
-    /// The settings of a solve with the `basis` that the light map asks for.
-    pub(super) fn build(&self, basis: scene::Basis) -> Built<SolveSettings> {
+    /// The settings of a solve for a light map of so many texels with this basis.
+    pub(super) fn build_light_map(&self, texels: usize, basis: scene::Basis) -> Built<SolveSettings> {
+        let fade = match self.fade {
+            None => Fade::OfMap(FADE),
+            Some(0.0) => Fade::Nowhere,
+            Some(length) => {
+                let is_length = |length: f64| length.is_normal() && length > 0.0;
+                Fade::Metres(checked("fade", length, "a distance, or 0 for nowhere", is_length)?)
+            }
+        };
+        Ok(SolveSettings { basis, fade, ..self.build(self.gradient_of_light_map(texels))? })
+    }
+
+    /// The settings of a solve for a volume.
+    pub(super) fn build_volume(&self) -> Built<SolveSettings> {
+        if let Some(fade) = self.fade {
+            return Err(Flaw::value("fade", fade, "left away: it is for light maps"));
+        }
+        let settings = self.build(self.gradient.unwrap_or_else(|| 0.0.into()))?;
+        Ok(SolveSettings { basis: scene::Basis::Nearest, ..settings })
+    }
+
+    /// The squares of a column of the transport fall with the third power of a map's side.
+    fn gradient_of_light_map(&self, texels: usize) -> Weight {
+        self.gradient.unwrap_or_else(|| (GRADIENT * (texels as f64 / GRADIENT_AT).powf(1.5)).into())
+    }
+
+    /// Puts in the settings that are not given, for a light map of so many texels.
+    pub(super) fn settle_light_map(&mut self, texels: usize) {
+        self.gradient = Some(self.gradient_of_light_map(texels));
+    }
+
+    /// Puts in the settings that are not given, for a volume.
+    pub(super) fn settle_volume(&mut self) {
+        self.gradient.get_or_insert_with(|| 0.0.into());
+    }
+
+    fn build(&self, gradient: Weight) -> Built<SolveSettings> {
         let regularization = Regularization {
             tikhonov: self.tikhonov.build("tikhonov")?,
-            gradient: self.gradient.build("gradient")?,
+            gradient: gradient.build("gradient")?,
             laplacian: self.laplacian.build("laplacian")?,
         };
-        let open = [("tikhonov", self.tikhonov), ("gradient", self.gradient), ("laplacian", self.laplacian)];
+        let open = [("tikhonov", self.tikhonov), ("gradient", gradient), ("laplacian", self.laplacian)];
         if let Some((name, _)) = open.iter().filter(|(_, weight)| weight.is_open()).nth(1) {
             return Err(Flaw::new(
                 *name,
@@ -211,7 +259,8 @@ impl Solve {
             metric: self.metric.into(),
             fill: self.fill,
             regularization,
-            basis,
+            fade: Fade::Nowhere,
+            basis: scene::Basis::default(),
             quadrature: self.quadrature.build()?,
             strategy: self.strategy.into(),
             memory: self.memory.map(|size| size.0),
@@ -318,13 +367,22 @@ mod tests {
     #[test]
     fn an_empty_object_is_the_default_of_the_library() {
         let solve: Solve = serde_json::from_str("{}").unwrap();
-        assert_eq!(solve.build(scene::Basis::default()).unwrap(), SolveSettings::default());
+        assert_eq!(
+            solve.build_volume().unwrap(),
+            SolveSettings { basis: scene::Basis::Nearest, ..SolveSettings::default() }
+        );
+        let regularization = Regularization {
+            gradient: scene::RegularizationWeight::Relative(GRADIENT),
+            ..Regularization::default()
+        };
+        let smooth = SolveSettings { regularization, fade: Fade::OfMap(FADE), ..SolveSettings::default() };
+        assert_eq!(solve.build_light_map(512 * 512, scene::Basis::default()).unwrap(), smooth);
     }
 
     #[test]
     fn every_field_reaches_the_settings() {
         let text = r#"{"solver": "clamped-cgls", "iterations": 7, "tolerance": 0.5, "seconds": 1.5, "tikhonov": 2,
-            "gradient": "gcv", "laplacian": 0.5, "noise": 0.1, "lower": -1.5, "upper": [1, 2, 3], "metric": "jacobi",
+            "gradient": "gcv", "laplacian": 0.5, "fade": 2.5, "noise": 0.1, "lower": -1.5, "upper": [1, 2, 3], "metric": "jacobi",
              "fill": true, "quadrature": {"march": {"steps": 9}}, "strategy": "matrix-free", "memory": "3KiB",
             "transmittance_bound": 0.25, "skip": {"shadows": false, "channels": false}}"#;
         let solve: Solve = serde_json::from_str(text).unwrap();
@@ -342,6 +400,7 @@ mod tests {
                 gradient: scene::RegularizationWeight::Gcv,
                 laplacian: scene::RegularizationWeight::Relative(0.5),
             },
+            fade: Fade::Metres(2.5),
             basis: scene::Basis::Nearest,
             quadrature: scene::Quadrature::March { steps: 9 },
             strategy: scene::Strategy::MatrixFree,
@@ -349,7 +408,7 @@ mod tests {
             transmittance_bound: 0.25,
             skip: Skipping { shadows: false, channels: false, ..Skipping::default() },
         };
-        assert_eq!(solve.build(scene::Basis::Nearest).unwrap(), expected);
+        assert_eq!(solve.build_light_map(64, scene::Basis::Nearest).unwrap(), expected);
     }
 
     #[test]
@@ -362,6 +421,7 @@ mod tests {
             (r#"{"seconds": 1e300}"#, "seconds"),
             (r#"{"tikhonov": -1}"#, "tikhonov"),
             (r#"{"gradient": -1e-9}"#, "gradient"),
+            (r#"{"fade": -1}"#, "fade"),
             (r#"{"tikhonov": "gcv", "laplacian": "l-curve"}"#, "laplacian"),
             (r#"{"noise": 0}"#, "noise"),
             (r#"{"lower": 2, "upper": [3, 3, 1]}"#, "upper"),
@@ -372,7 +432,7 @@ mod tests {
         ];
         for (text, expected) in table {
             let solve: Solve = serde_json::from_str(text).unwrap();
-            let Err(Flaw::Document { path, .. }) = solve.build(scene::Basis::Nearest) else {
+            let Err(Flaw::Document { path, .. }) = solve.build_light_map(64, scene::Basis::Nearest) else {
                 unreachable!("{text} was accepted")
             };
             assert_eq!(path, expected);

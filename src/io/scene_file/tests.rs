@@ -65,7 +65,10 @@ fn everything_in_the_file_reaches_the_scene() {
     assert_eq!(scene.name, "beams");
     assert_eq!((scene.light.direction.y, scene.light.radiance), (-1.0, [3.0, 2.0, 1.0]));
     assert_eq!((scene.medium.sigma_t, scene.medium.albedo, scene.medium.g), ([0.2; 3], [0.9, 0.8, 0.7], 0.3));
-    assert_eq!((scene.ambient, scene.exposure, scene.target), ([0.01; 3], 1.5, scene::Target::Radiance));
+    assert_eq!(
+        (scene.ambient, scene.exposure, scene.target),
+        ([0.01; 3], Some(1.5), scene::Target::Radiance)
+    );
     assert_eq!((scene.light_map.size, scene.shadow_map.size), ([128, 64], [256, 256]));
     assert_eq!(scene.light_map.extent.unwrap().max.x, 2.0);
     assert_eq!((scene.solve.iterations, scene.solve.memory), (50, Some(2 << 30)));
@@ -89,7 +92,52 @@ fn what_is_not_given_has_its_default() {
     let scene = loaded(text, &[]).unwrap();
     assert_eq!((scene.name.as_str(), scene.light.radiance, scene.ambient), ("fog", [1.0; 3], [0.02; 3]));
     assert_eq!((scene.light_map.size, scene.light_map.extent), ([512; 2], None));
-    assert_eq!((scene.solve, scene.target), (scene::SolveSettings::default(), scene::Target::Tint));
+    assert_eq!((scene.target, scene.opacity), (scene::Target::Tint, scene::Opacity::Strength));
+    let smooth = scene::Regularization {
+        gradient: scene::RegularizationWeight::Relative(1.0),
+        ..scene::Regularization::default()
+    };
+    let expected = scene::SolveSettings {
+        bounds: [[0.0; 3], [1.0; 3]],
+        regularization: smooth,
+        fade: scene::Fade::OfMap(1.0 / 32.0),
+        ..scene::SolveSettings::default()
+    };
+    assert_eq!(scene.solve, expected);
+    // As in the paper.
+    let paper = loaded(text, &["defaults=paper"]).unwrap();
+    let plain =
+        scene::SolveSettings { fade: scene::Fade::OfMap(1.0 / 32.0), ..scene::SolveSettings::default() };
+    assert_eq!((paper.solve, paper.target), (plain, scene::Target::WhiteTint));
+    assert_eq!((paper.opacity, paper.exposure), (scene::Opacity::Weight, Some(0.0)));
+    assert_eq!((paper.light_map.fit, paper.light_map.square_texels), (scene::MapFit::Seen, false));
+}
+
+#[test]
+fn a_gobo_only_dims_unless_it_is_told_otherwise() {
+    let text = r#"{"version": 1, "light": {"direction": [0, -1, 0], "radiance": [3, 2, 1]}, "medium": {"sigma_t": 1},
+        "views": [{"name": "v", "camera": {"to_world": {}, "fov": 50, "size": [8, 8]}}]}"#;
+    let upper = |set: &[&str]| loaded(text, set).unwrap().solve.bounds[1];
+    assert_eq!(upper(&[]), [3.0, 2.0, 1.0]);
+    assert_eq!(upper(&["light_map.gobo=false"]), [f64::INFINITY; 3]);
+    assert_eq!(upper(&["target=radiance"]), [f64::INFINITY; 3]);
+    assert_eq!(upper(&["target=radiance", "light_map.gobo=true"]), [3.0, 2.0, 1.0]);
+    assert_eq!(upper(&["solve.upper=7"]), [7.0; 3]);
+    // A method without bounds has none.
+    assert!(loaded(text, &["solve.solver=lsqr"]).is_ok());
+}
+
+#[test]
+fn fog_is_per_metre_whatever_the_unit_of_lengths() {
+    let text = r#"{"version": 1, "light": {"direction": [0, -1, 0]}, "medium": {"sigma_t": 0.5},
+        "views": [{"name": "v", "camera": {"to_world": {}, "fov": 50, "size": [8, 8]}}]}"#;
+    for (unit, sigma) in
+        [("m", 0.5), ("cm", 0.005), ("mm", 0.0005), ("km", 500.0), ("in", 0.0127), ("ft", 0.1524)]
+    {
+        let scene = loaded(text, &[&format!("unit={unit}")]).unwrap();
+        assert!((scene.medium.sigma_t[0] / sigma - 1.0).abs() < 1e-12, "{unit}");
+    }
+    assert!(loaded(text, &["unit=parsec"]).is_err());
 }
 
 /// Replaces the one occurrence of `from` in the good document.
@@ -219,7 +267,11 @@ fn overrides_take_the_place_of_what_the_file_says() {
     assert_eq!((scene.name.as_str(), scene.medium.sigma_t), ("other name", [1.0, 2.0, 3.0]));
     assert_eq!((scene.solve.memory, scene.solve.quadrature), (Some(1_000_000), scene::Quadrature::Exact));
     assert_eq!(scene.views[1].camera.size(), [64, 32]);
-    assert_eq!(loaded(GOOD, &["exposure=1", "exposure=2"]).unwrap().exposure, 2.0, "the last one counts");
+    assert_eq!(
+        loaded(GOOD, &["exposure=1", "exposure=2"]).unwrap().exposure,
+        Some(2.0),
+        "the last one counts"
+    );
 }
 
 #[test]

@@ -24,7 +24,7 @@ pub struct View {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(!skip_serializing_if)]
     pub strokes: Vec<Stroke>,
-    /// Painted pictures of the view's size (PNG or EXR, alpha is the weight), from the bottom up, relative to the
+    /// Painted pictures of the view's size (PNG or EXR, alpha is the opacity), from the bottom up, relative to the
     /// scene file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(!skip_serializing_if)]
@@ -33,6 +33,14 @@ pub struct View {
     /// when not given: those of an EXR are, those of a PNG are not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub association: Option<Association>,
+    /// Weight with which pixels that nothing is painted on stay as they are, from 0 to 1.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(!skip_serializing_if)]
+    pub keep: f64,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// A camera: either `to_world` and `fov` or `lens`, or a camera of a glTF file.
@@ -136,14 +144,18 @@ pub struct Stroke {
     pub points: Vec<[f64; 2]>,
     /// Half the width in pixels, above 0 and at most 4096.
     pub radius: f64,
-    /// From 0 (the weight falls off linearly from the middle to the edge) to 1 (a hard edge).
+    /// From 0 (the opacity falls off linearly from the middle to the edge) to 1 (a hard edge).
     #[serde(default = "Stroke::default_hardness", skip_serializing_if = "Stroke::is_default_hardness")]
     #[schemars(!skip_serializing_if)]
     pub hardness: f64,
-    /// Weight of the constraint in the middle of the stroke, above 0 and at most 1.
+    /// How strong the paint is in the middle of the stroke, above 0 and at most 1: at 0.25 it asks for a faint tint.
     #[serde(default = "Stroke::default_opacity", skip_serializing_if = "Stroke::is_default_opacity")]
     #[schemars(!skip_serializing_if)]
     pub opacity: f64,
+    /// How much its pixels weigh in the solve, above 0 and at most 1, whatever their opacity; less on its soft edge.
+    #[serde(default = "Stroke::default_weight", skip_serializing_if = "Stroke::is_default_weight")]
+    #[schemars(!skip_serializing_if)]
+    pub weight: f64,
     /// The desired colour: "#rrggbb" in sRGB, or [r, g, b] in linear Rec. 709.
     pub color: Paint,
 }
@@ -165,7 +177,7 @@ const DEVICES: [&str; 6] = ["con", "prn", "aux", "nul", "com", "lpt"];
 impl View {
     pub(super) fn build(&self, assets: &mut Assets) -> Built<scene::View> {
         let camera = checked_camera(&self.name, &self.camera, assets)?;
-        painted(&self.name, camera, &self.strokes, (&self.layers, self.association), assets)
+        painted(&self.name, camera, (&self.strokes, &self.layers, self.association), self.keep, assets)
     }
 }
 
@@ -179,8 +191,8 @@ pub(super) fn checked_camera(name: &str, camera: &Camera, assets: &mut Assets) -
 pub(super) fn painted(
     name: &str,
     camera: scene::Camera,
-    strokes: &[Stroke],
-    (layers, association): (&[FileName], Option<Association>),
+    (strokes, layers, association): (&[Stroke], &[FileName], Option<Association>),
+    keep: f64,
     assets: &Assets,
 ) -> Built<scene::View> {
     let size = camera.size();
@@ -189,7 +201,8 @@ pub(super) fn painted(
     let strokes = strokes.collect::<Built<Vec<_>>>()?;
     let layers = layers.iter().enumerate();
     let layers = layers.map(|(i, file)| assets.layer(file, size, association).at(&format!("layers[{i}]")));
-    Ok(scene::View { name: name.to_owned(), camera, strokes, layers: layers.collect::<Built<_>>()? })
+    let keep = checked("keep", keep, "from 0 to 1", |keep| (0.0..=1.0).contains(&keep))? as f32;
+    Ok(scene::View { name: name.to_owned(), camera, strokes, layers: layers.collect::<Built<_>>()?, keep })
 }
 
 fn check_name(name: &str) -> Built<()> {
@@ -265,7 +278,14 @@ fn missing(field: &str) -> Flaw {
 impl Stroke {
     /// A stroke of the default hardness and opacity.
     pub fn new(points: Vec<[f64; 2]>, radius: f64, color: Paint) -> Self {
-        Self { points, radius, hardness: Self::default_hardness(), opacity: Self::default_opacity(), color }
+        Self {
+            points,
+            radius,
+            hardness: Self::default_hardness(),
+            opacity: Self::default_opacity(),
+            weight: Self::default_weight(),
+            color,
+        }
     }
 
     fn build(&self, size: [usize; 2]) -> Built<scene::Stroke> {
@@ -275,6 +295,7 @@ impl Stroke {
         let hardness =
             checked("hardness", self.hardness, "from 0 (soft) to 1 (hard)", |h| (0.0..=1.0).contains(&h))?;
         let opacity = checked("opacity", self.opacity, "above 0 and at most 1", |o| o > 0.0 && o <= 1.0)?;
+        let weight = checked("weight", self.weight, "above 0 and at most 1", |w| w > 0.0 && w <= 1.0)?;
         self.check_points()?;
         let color = self.color.rgb("color")?;
         if !touches(&self.points, radius, size.map(|side| side as f64)) {
@@ -289,6 +310,7 @@ impl Stroke {
             radius: radius as f32,
             hardness: hardness as f32,
             opacity: opacity as f32,
+            weight: weight as f32,
             color,
         })
     }
@@ -326,6 +348,14 @@ impl Stroke {
 
     fn is_default_opacity(opacity: &f64) -> bool {
         *opacity == Self::default_opacity()
+    }
+
+    fn default_weight() -> f64 {
+        1.0
+    }
+
+    fn is_default_weight(weight: &f64) -> bool {
+        *weight == Self::default_weight()
     }
 }
 

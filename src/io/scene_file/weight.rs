@@ -33,6 +33,12 @@ impl Weight {
     }
 }
 
+impl From<f64> for Weight {
+    fn from(weight: f64) -> Self {
+        Self(scene::RegularizationWeight::Relative(weight))
+    }
+}
+
 impl From<scene::RegularizationWeight> for Weight {
     fn from(weight: scene::RegularizationWeight) -> Self {
         Self(weight)

@@ -6,8 +6,8 @@ use super::rows::WorldPlace;
 use crate::Result;
 use crate::problem::LightMapProblem;
 use crate::scene::{
-    Camera, DirectionalLight, FovAxis, MapSettings, Medium, Mesh, Primitive, Scene, SolveSettings, Stroke,
-    Target, View, look_at,
+    Camera, DirectionalLight, FovAxis, MapSettings, Medium, Mesh, Opacity, Primitive, Scene, SolveSettings,
+    Stroke, Target, View, look_at,
 };
 
 /// Walls, floor and roof: middle and size.
@@ -43,7 +43,7 @@ pub(super) fn hall(of: &Hall) -> Result<Scene> {
         let size = DVec3::from_array(*size) * place.scale;
         mesh.append(Primitive::Box { centre, size }.mesh([0.5; 3])?, DAffine3::IDENTITY);
     }
-    let map = |size| MapSettings { size: [size; 2], extent: None };
+    let map = |size| MapSettings::new([size; 2]);
     Ok(Scene {
         name: "hall".to_owned(),
         light: DirectionalLight::new(DVec3::new(0.45, -1.0, -0.1), [radiance; 3])?,
@@ -57,9 +57,11 @@ pub(super) fn hall(of: &Hall) -> Result<Scene> {
         ],
         light_map: map(32),
         shadow_map: map(96),
+        metres_per_unit: 1.0,
         target: Target::Tint,
+        opacity: Opacity::Strength,
         solve: SolveSettings { tolerance: 1e-6, iterations: 2000, ..SolveSettings::default() },
-        exposure: 0.0,
+        exposure: None,
     })
 }
 
@@ -70,6 +72,7 @@ fn view(name: &str, origin: [f64; 3], target: [f64; 3], place: &WorldPlace) -> R
         radius: 4.0,
         hardness: 0.5,
         opacity: 1.0,
+        weight: 1.0,
         color,
     };
     Ok(View {
@@ -80,6 +83,7 @@ fn view(name: &str, origin: [f64; 3], target: [f64; 3], place: &WorldPlace) -> R
             stroke([[24.0, 4.0], [30.0, 28.0]], [0.2, 0.5, 1.0]),
         ],
         layers: Vec::new(),
+        keep: 0.0,
     })
 }
 

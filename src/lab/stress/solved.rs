@@ -85,6 +85,8 @@ impl Question {
                 bounds: self.settings.solver.kept(self.settings.bounds),
                 pull: 1.0,
                 lattice: Some(Lattice { size: &size, places: None }),
+                joined: &[],
+                fade: 0.0,
                 scale: 0,
             }],
             remedy: "raise the depth",

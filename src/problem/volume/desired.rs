@@ -1,7 +1,7 @@
 //! What the pictures of a volume should show, pixel by pixel.
 
 use crate::problem::paint;
-use crate::scene::{Image, Rgb, Target, VolumeScene, luminance};
+use crate::scene::{Image, Opacity, Rgb, Target, VolumeScene, luminance, mixed};
 use crate::{Error, Result};
 
 /// What a view should show.
@@ -15,8 +15,8 @@ impl Desired {
     /// What each view of a scene should show. `before` are the pictures as they are, of the views on which something is painted;
     /// nothing is asked of the others.
     ///
-    /// A picture counts with its alpha. What is painted counts with its own alpha: as radiance, or as a tint of the
-    /// luminance that is seen there. Unpainted pixels of a view that is painted on stay as they are, with the view's weight.
+    /// A picture counts with its alpha. What is painted is radiance, or a tint of the luminance that is seen there; its alpha is its strength, or
+    /// its weight. Unpainted pixels of a view that is painted on stay as they are, with the view's weight.
     ///
     /// Errors: [`Error::Empty`] when no view has a picture or paint, and those of [`paint`].
     pub fn of(scene: &VolumeScene, before: &dyn Fn(usize) -> Result<Image>) -> Result<Vec<Self>> {
@@ -50,17 +50,27 @@ impl Desired {
         };
         for (pixel, &[r, g, b]) in pixels.iter_mut().zip(&seen) {
             if view.picture.is_none() {
-                *pixel = [r, g, b, view.keep];
+                *pixel = [r, g, b, view.view.keep];
             }
         }
-        for ((pixel, seen), paint) in pixels.iter_mut().zip(&seen).zip(paint(&view.view)?.pixels) {
-            let [r, g, b, weight] = paint;
-            if weight > 0.0 {
-                let light = match scene.target {
-                    Target::Radiance => 1.0,
-                    Target::Tint => luminance(*seen),
+        let painting = paint(&view.view)?;
+        for (index, (pixel, seen)) in pixels.iter_mut().zip(&seen).enumerate() {
+            let [r, g, b, opacity] = painting.colors.pixels[index];
+            let weight = painting.weights[index];
+            if opacity > 0.0 {
+                let painted = match scene.target {
+                    Target::Radiance => [r, g, b],
+                    // Unlike a slide a volume can add light, so paint of any colour is as bright as what is seen.
+                    Target::Tint | Target::WhiteTint => [r, g, b].map(|color| color * luminance(*seen)),
                 };
-                *pixel = [r * light, g * light, b * light, weight];
+                let ([r, g, b], weight) = match scene.opacity {
+                    Opacity::Strength => {
+                        let strength = painting.strengths[index];
+                        (mixed(seen, &painted, strength.into()), painting.coverage[index] * weight)
+                    }
+                    Opacity::Weight => (painted, opacity * weight),
+                };
+                *pixel = [r, g, b, weight];
             }
         }
         Ok(Self { pixels })

@@ -305,6 +305,8 @@ impl Problem for VolumeProblem {
             bounds: kind.bounds,
             pull: kind.pull,
             lattice: Some(Lattice { size: &kind.size, places: Some(&self.places[elements]) }),
+            joined: &[],
+            fade: 0.0,
             scale: 0,
         });
         Ok(Formulation {

@@ -125,8 +125,10 @@ fn names_cannot_become_markup() {
 fn the_summary_says_what_happened() {
     let page = html(&example(), &pictures()).unwrap().replace('\u{a0}', " ");
     for words in [
-        "3 views, 41,238 painted pixels: they moved from 82.3 % to 8.1 %",
-        "mean hue error from 65.9° to 6.1°",
+        "3 views, 41,238 painted pixels: the paint is met to 90.1 %",
+        "hue is off by 3.1° in the middle and by less than 11.4° in nine of ten pixels",
+        "Strokes[3] of view `aisle` lies in shadow: no light reaches any of its 212 pixels.",
+        "<em>Paint where light is seen, or take it away.</em>",
         ", in 1.2 s.",
         "after 18 iterations",
         "11.6 M",
@@ -143,6 +145,8 @@ fn the_summary_says_what_happened() {
 fn the_page_says_what_was_looked_for_in_the_words_of_the_problem() {
     let mut report = Report {
         nouns: Nouns { found: "light".into(), pixel: "wanted pixel".into(), wanted: "target".into() },
+        light: None,
+        warnings: Vec::new(),
         ..example()
     };
     for elements in [&mut report.problem.elements, &mut report.coverage.elements] {

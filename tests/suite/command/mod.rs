@@ -20,6 +20,7 @@ mod solving;
 mod stress;
 mod surroundings;
 mod volume;
+mod warnings;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -158,6 +159,8 @@ impl Ran {
 pub fn scene() -> Value {
     json!({
         "version": 1,
+        // What most laws are about is the plain problem; that of artists has tests of its own.
+        "defaults": "paper",
         "light": { "direction": [0.3, -1.0, 0.2], "radiance": 4.0 },
         "medium": { "sigma_t": 0.08, "albedo": 0.9, "g": 0.3 },
         "occluders": [

@@ -23,7 +23,7 @@ const FAILS_EARLY: &str = "$U light-map scene.json -q -o out --set 'views[0].str
 #[test]
 fn a_reader_that_goes_away_is_no_failure() {
     let desk = Desk::new();
-    for line in ["plan scene.json", "schema", "completions bash", "light-map scene.json --json -o out"] {
+    for line in ["plan scene.json", "schema", "completions bash", "light-map scene.json -q --json -o out"] {
         let (_, err, code) = told(&shell(&desk, &format!("$U {line} | head -c 1; exit ${{PIPESTATUS[0]}}")));
         assert_eq!((err.as_str(), code), ("", Some(0)), "{line}");
     }

@@ -28,7 +28,14 @@ fn depths(map: &ShadowMap) -> Vec<f64> {
 fn all_pixels(scene: &Scene) -> Vec<Constraint> {
     let of_view = |view: usize| {
         let [width, height] = scene.views[view].camera.size();
-        let pixel = move |k| Constraint { view, x: k % width, y: k / width, color: [1.0; 3], weight: 1.0 };
+        let pixel = move |k| Constraint {
+            view,
+            x: k % width,
+            y: k / width,
+            color: [1.0; 3],
+            opacity: 1.0,
+            weight: 1.0,
+        };
         (0..width * height).map(pixel)
     };
     (0..scene.views.len()).flat_map(of_view).collect()

@@ -14,7 +14,7 @@ use super::properties::{Extinction, PropertyBounds, Volume, light_size};
 use super::view::VolumeView;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::channels::Channels;
-use crate::io::scene_file::document::{Document, Target, check_names, stem, unknown_version};
+use crate::io::scene_file::document::{Document, Opacity, Target, check_names, stem, unknown_version};
 use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
 use crate::io::scene_file::light::Light;
@@ -74,6 +74,10 @@ pub struct VolumeDocument {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
     pub target: Target,
+    /// What the opacity of strokes, their soft edges and the alpha of layers ask for.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
+    pub opacity: Opacity,
     /// How extinction is looked for.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
@@ -199,6 +203,7 @@ impl VolumeDocument {
             views,
             transforms: None,
             target: Target::default(),
+            opacity: Opacity::default(),
             extinction: Extinction::default(),
             bounds: PropertyBounds::default(),
             pull: Pull::default(),
@@ -244,7 +249,7 @@ impl VolumeDocument {
         if self.solve.fill {
             return Err(Flaw::new("solve.fill", "only light maps can be filled; leave it away"));
         }
-        let solve = self.solve.build(scene::Basis::Nearest).at("solve")?;
+        let solve = self.solve.build_volume().at("solve")?;
         let extinction = self.extinction.build().at("extinction")?;
         let bounds = self.bounds.build().at("bounds")?;
         let pull = |path: &str, value: f64| checked(path, value, "above 0", |pull| pull > 0.0);
@@ -281,6 +286,7 @@ impl VolumeDocument {
             mesh,
             views,
             target: self.target.into(),
+            opacity: self.opacity.into(),
             stages,
             rounds,
             extinction,
@@ -296,6 +302,7 @@ impl VolumeDocument {
     pub(in crate::io::scene_file) fn settle(&mut self, file: &Path) {
         self.schema = None;
         self.name.get_or_insert_with(|| stem(file));
+        self.solve.settle_volume();
         self.rounds.get_or_insert(ROUNDS);
         self.lights.iter_mut().for_each(Light::settle);
         self.environment.get_or_insert_default().settle();
@@ -393,9 +400,8 @@ impl TransformsFile {
         }
         let camera = shot.camera(size)?;
         Ok(scene::VolumeView {
-            view: scene::View { name, camera, strokes: Vec::new(), layers: Vec::new() },
+            view: scene::View { name, camera, strokes: Vec::new(), layers: Vec::new(), keep: 0.0 },
             picture: Some(picture),
-            keep: 0.0,
             mask,
             background: None,
         })

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::io::image::Association;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::file_name::FileName;
-use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
+use crate::io::scene_file::flaw::{At, Built, Flaw};
 use crate::io::scene_file::view::{Camera, Stroke, checked_camera, painted};
 use crate::scene::{self, RgbaImage, luminance};
 
@@ -35,7 +35,7 @@ pub struct VolumeView {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(!skip_serializing_if)]
     pub strokes: Vec<Stroke>,
-    /// Painted pictures of the view's size (PNG or EXR, alpha is the weight), from the bottom up, relative to the
+    /// Painted pictures of the view's size (PNG or EXR, alpha is the opacity), from the bottom up, relative to the
     /// scene file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(!skip_serializing_if)]
@@ -114,8 +114,8 @@ impl Wanted<'_> {
         assets: &mut Assets,
     ) -> Built<scene::VolumeView> {
         let size = camera.size();
-        let view = painted(name, camera, self.strokes, (self.layers, self.association), assets)?;
-        let keep = checked("keep", self.keep.unwrap_or(KEEP), "from 0 to 1", |k| (0.0..=1.0).contains(&k))?;
+        let paint = (self.strokes, self.layers, self.association);
+        let view = painted(name, camera, paint, self.keep.unwrap_or(KEEP), assets)?;
         let picture = self.picture.map(|file| assets.target(file, size, self.association));
         let picture = picture.transpose().at("picture")?;
         let picture = match (picture, self.weight) {
@@ -129,7 +129,6 @@ impl Wanted<'_> {
         Ok(scene::VolumeView {
             view,
             picture,
-            keep: keep as f32,
             mask: mask.map(|mask| mask.pixels.iter().map(|pixel| pixel.iter().any(|&c| c > 0.5)).collect()),
             background: None,
         })

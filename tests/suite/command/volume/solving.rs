@@ -7,7 +7,7 @@ use crate::command::Desk;
 fn a_joint_solve_leaves_volumes_pictures_and_a_report() {
     let desk = desk();
     let ran = desk.done(&["volume", "scene.json", "-o", "out", "--turntable", "3"]);
-    assert!(ran.out.contains("joint:") && ran.out.contains("report.html"), "{}", ran.out);
+    assert!(ran.out.contains("target met to") && ran.out.contains("report.html"), "{}", ran.out);
     let names = desk.names("out");
     for name in [
         "albedo.npy",

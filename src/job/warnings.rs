@@ -1,0 +1,164 @@
+//! What a painted scene and its light map give reason to warn of.
+
+use rayon::prelude::*;
+
+use crate::problem::{LightMapProblem, Match, paint};
+use crate::report::LightRecord;
+use crate::scene::{Scene, Stroke, View};
+use crate::visibility::Geometry;
+use crate::{Result, Warning};
+
+/// A view through fog of more optical depths is grey, and through one of fewer shows no shafts.
+const DEPTHS: [f64; 2] = [0.01, 8.0];
+/// Pixels from one sampled ray of a view to the next, along both axes.
+const PIXEL_STRIDE: usize = 16;
+/// The part of the rays that must meet a surface for a view to have a depth.
+const LEAST_HITS: f64 = 0.25;
+/// The part of a stroke's paint without light from which on it lies in shadow.
+const SHADOWED: f64 = 0.5;
+/// The part of the painted pixels' light from outside the light map that is worth a word.
+const OUTSIDE: f64 = 0.05;
+/// The part of the painted pixels that contradict each other that is worth a word.
+const CONTESTED: f64 = 0.2;
+/// How much brighter than the light a texel is that is worth a word.
+const BRIGHT: f64 = 1.5;
+/// The part of the squared misfit at the start that is left when something of the wish is missing.
+const MISSED: f64 = 0.01;
+/// The part of the misfit that slightly higher bounds would take away, from which on they bind.
+const HELD_BACK: f64 = 0.1;
+
+/// Tells of views through which there is too much fog, or too little.
+pub(super) fn tell_of_fog(scene: &Scene, geometry: &Geometry) {
+    let sigma = scene.medium.sigma_t.iter().sum::<f64>() / 3.0;
+    for view in &scene.views {
+        let Some(metres) = depth_of(view, geometry) else { continue };
+        let depths = sigma * metres;
+        let (than, effect) = match depths {
+            _ if depths > DEPTHS[1] => ("thick", "hides all that is behind it"),
+            _ if depths < DEPTHS[0] => ("thin", "shows next to no light"),
+            _ => continue,
+        };
+        let text = format!(
+            "view `{}` looks through fog of {} optical depths (half of what it sees is nearer than {}, in the scene's unit): fog so {than} {effect}",
+            view.name,
+            figures(depths),
+            figures(metres),
+        );
+        let remedy = format!(
+            "set `medium.sigma_t={}`, which is one optical depth; or set `unit=cm` or another, if lengths are not in metres",
+            figures(scene.metres_per_unit.recip() / metres)
+        );
+        Warning::new("fog-out-of-range", text, remedy).tell();
+    }
+}
+
+/// The median distance to the surfaces that a view sees; none where it sees few.
+fn depth_of(view: &View, geometry: &Geometry) -> Option<f64> {
+    let [width, height] = view.camera.size();
+    let along = |side: usize| (side.min(PIXEL_STRIDE) / 2..side).step_by(PIXEL_STRIDE);
+    let pixels: Vec<[usize; 2]> = along(height).flat_map(|y| along(width).map(move |x| [x, y])).collect();
+    let hit = |&[x, y]: &[usize; 2]| geometry.first_hit(&view.camera.pixel_ray(x, y), f64::INFINITY);
+    let mut distances: Vec<f64> = pixels.par_iter().filter_map(hit).map(|hit| hit.distance).collect();
+    if (distances.len() as f64) < LEAST_HITS * pixels.len() as f64 || distances.is_empty() {
+        return None;
+    }
+    let middle = distances.len() / 2;
+    Some(*distances.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// A number with two figures.
+fn figures(value: f64) -> String {
+    let decimals = (1.0 - value.abs().log10().floor()).clamp(0.0, 12.0) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// Tells of strokes on which no light falls.
+pub(super) fn tell_of_shadow(scene: &Scene, problem: &LightMapProblem) -> Result<()> {
+    for (index, view) in scene.views.iter().enumerate() {
+        let mut dark = Vec::new();
+        for (number, stroke) in view.strokes.iter().enumerate() {
+            let share = unlit(problem, (index, view), stroke)?;
+            if share >= SHADOWED {
+                dark.push((number, share));
+            }
+        }
+        let remedy = "paint where light is seen, as `render` shows it, or take it away";
+        if dark.len() == view.strokes.len() && dark.len() > 1 {
+            let text = format!("all {} strokes of view `{}` lie in shadow", dark.len(), view.name);
+            Warning::new("stroke-in-shadow", text, remedy).tell();
+            continue;
+        }
+        for (number, share) in dark {
+            let part = if share < 1.0 { format!("{:.0} % of it", 100.0 * share) } else { "it".to_owned() };
+            let text =
+                format!("strokes[{number}] of view `{}` lies in shadow: no light reaches {part}", view.name);
+            Warning::new("stroke-in-shadow", text, remedy).tell();
+        }
+    }
+    Ok(())
+}
+
+/// The part of a stroke's paint that no light reaches.
+fn unlit(problem: &LightMapProblem, (index, view): (usize, &View), stroke: &Stroke) -> Result<f64> {
+    let alone = View { strokes: vec![stroke.clone()], layers: Vec::new(), ..view.clone() };
+    let painting = paint(&alone)?.colors;
+    let (mut dark, mut all) = (0.0, 0.0);
+    for (row, pixel) in problem.constraints.iter().enumerate().filter(|(_, pixel)| pixel.view == index) {
+        let opacity = f64::from(painting.pixels[pixel.y * painting.size()[0] + pixel.x][3]);
+        if opacity > 0.0 {
+            all += opacity;
+            if problem.is_dark(row) {
+                dark += opacity;
+            }
+        }
+    }
+    Ok(if all > 0.0 { dark / all } else { 0.0 })
+}
+
+/// Tells of what a light map that was found cannot do.
+pub(super) fn tell_of_light(
+    scene: &Scene,
+    light: &LightRecord,
+    (matched, missed): (&Match, f64),
+    painted_views: usize,
+) {
+    let LightRecord { brightest, outside, held_back } = *light;
+    if outside > OUTSIDE {
+        let text = format!(
+            "{:.0} % of the painted pixels' light comes from outside the light map, where it keeps its colour",
+            100.0 * outside
+        );
+        let remedy = "leave `light_map.extent` away, and set `light_map.fit=scattered`";
+        Warning::new("light-from-outside", text, remedy).tell();
+    }
+    let contested = matched.contested as f64 / matched.pixels.max(1) as f64;
+    if contested > CONTESTED {
+        let whose = if painted_views > 1 { "in another view or in the same one" } else { "in the same view" };
+        let text = format!(
+            "{:.0} % of the painted pixels share their light with paint of another colour, {whose}; no light map meets both",
+            100.0 * contested
+        );
+        Warning::new("contradicted-paint", text, "paint light that is one in the scene with one colour")
+            .tell();
+    }
+    if brightest > BRIGHT {
+        let text = format!(
+            "the light map has texels of {brightest:.1} times the light's radiance, which no slide has"
+        );
+        Warning::new("brightest-texel", text, "set `light_map.gobo=true`").tell();
+    }
+    // Where the paint is met nobody asks for more.
+    if held_back > HELD_BACK && missed > MISSED {
+        let text = format!(
+            "the light map may not be brighter than it is: were its bound a tenth higher, the squared misfit would fall by about {:.0} %",
+            100.0 * held_back
+        );
+        let upper = scene.solve.bounds[1].map(|bound| (2.0 * bound * 1e3).round() / 1e3);
+        Warning::new(
+            "bounds-bind",
+            text,
+            format!("paint darker, or set `solve.upper={upper:?}` or `light_map.gobo=false`"),
+        )
+        .tell();
+    }
+}
