@@ -133,7 +133,8 @@ fn without_an_adapter_gpu_exits_with_3_and_auto_uses_the_processor() {
     desk.run(&[&ask("gpu")[..], &["--adapter", "RTX"]].concat()).exits_with(3).tells("`RTX` is not there");
     desk.run(&[&ask("auto")[..], &["--adapter", "RTX"]].concat()).exits_with(0).tells("`RTX` is not there");
     desk.run(&[&ask("cpu")[..], &["--adapter", "RTX"]].concat()).exits_with(1).tells("--adapter");
-    assert_eq!(desk.done(&ask("auto")).err, "");
+    // To have no adapter is usual, and nothing to be told of.
+    assert!(!desk.done(&ask("auto")).err.contains("adapter"));
     assert_eq!(desk.json("out/report.json")["backend"], "cpu");
 }
 
