@@ -189,7 +189,7 @@ impl Findings<'_> {
     fn covered(&self) -> Result<Coverage> {
         let Computed { coverage, solved, .. } = self.computed;
         let formulation = self.formulation()?;
-        let (mut total, mut reached_elements, mut weak) = (self.problem.candidates(), 0, 0);
+        let (mut total, mut reached_elements, mut weak, mut joined) = (self.problem.candidates(), 0, 0, 0);
         for (elements, part) in formulation.ranges() {
             if part.lattice.is_none() {
                 total -= elements.len();
@@ -199,6 +199,8 @@ impl Findings<'_> {
             let most = |squares: &Rgb| f64::from(squares[0].max(squares[1]).max(squares[2]));
             let is_weak = |squares: &&Rgb| most(squares) > 0.0 && most(squares) < solved.weights.tikhonov;
             reached_elements += reached(&coverage.0[elements.clone()]);
+            let of_part = &coverage.0[elements.clone()];
+            joined += part.joined.iter().filter(|&&element| !is_reached(&of_part[element as usize])).count();
             weak += coverage.0[elements].iter().filter(is_weak).count();
         }
         let (total, reached) = (total as u64, reached_elements);
@@ -208,6 +210,7 @@ impl Findings<'_> {
             reached,
             total,
             unreached: total - reached,
+            joined: (joined > 0).then_some(joined as u64),
             filled: self.settings.fill.then(|| total - reached),
             weak: Some(weak as u64),
         })

@@ -30,6 +30,9 @@ use crate::sparse::ExplicitMatrix;
 use crate::visibility::{Geometry, ShadowMap};
 use crate::{Error, Result};
 
+/// Bytes a texel that finding lit texels and making cells of them takes.
+const JOINED: usize = 32;
+
 /// The painted pixels of a scene as rows, and what they should become.
 ///
 /// The model is `scattered light = T x + known radiance`, with x the texels of the light map. Outside the map the light keeps its
@@ -418,7 +421,10 @@ impl Problem for LightMapProblem {
         let sky: usize = self.maps.sky.iter().map(|beam| beam.shadow_map.grid().len()).sum();
         let texels = self.maps.shadow_map.grid().len() + sky;
         let weights = FurtherWeights::bytes(self.rows(), self.further_start.len());
-        (texels * ShadowMap::TEXEL) as u64 + if self.further_start.is_empty() { 0 } else { 3 * weights }
+        // Numbers of lit texels, and cells over them.
+        let joined = if self.lit.is_empty() { 0 } else { JOINED * self.maps.light_map.len() };
+        (texels * ShadowMap::TEXEL + joined) as u64
+            + if self.further_start.is_empty() { 0 } else { 3 * weights }
     }
 
     fn ray_bytes(&self) -> u64 {

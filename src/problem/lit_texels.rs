@@ -1,6 +1,7 @@
 //! Texels through which light comes that some view sees.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -21,16 +22,9 @@ pub(super) fn lit_texels(scene: &Scene, maps: &Maps) -> Arc<[u32]> {
     let grid = &maps.light_map;
     let [width, height] = grid.size;
     let sight = Sight::of_views(scene, &maps.geometry);
-    let nothing = || vec![f32::INFINITY; grid.len()];
-    let marked = |mut depths: Vec<f32>, [from, to]: &[DVec3; 2]| {
-        mark(maps, [*from, *to], &mut depths);
-        depths
-    };
-    let nearer = |mut a: Vec<f32>, b: Vec<f32>| {
-        a.iter_mut().zip(b).for_each(|(a, b)| *a = a.min(b));
-        a
-    };
-    let mut depths = sight.stretches().par_iter().fold(nothing, marked).reduce(nothing, nearer);
+    let keys: Vec<AtomicU32> = (0..grid.len()).map(|_| AtomicU32::new(key(f32::INFINITY))).collect();
+    sight.stretches().par_iter().for_each(|stretch| mark(maps, *stretch, &keys));
+    let mut depths: Vec<f32> = keys.into_iter().map(|key| depth_of(key.into_inner())).collect();
     for _ in 0..AROUND {
         let before = depths.clone();
         depths.par_chunks_mut(width).enumerate().for_each(|(j, row)| {
@@ -49,7 +43,7 @@ pub(super) fn lit_texels(scene: &Scene, maps: &Maps) -> Arc<[u32]> {
 }
 
 /// Marks the texels over lit points of a stretch with the least depth of such a point along the light.
-fn mark(maps: &Maps, stretch: [DVec3; 2], depths: &mut [f32]) {
+fn mark(maps: &Maps, stretch: [DVec3; 2], keys: &[AtomicU32]) {
     let grid = &maps.light_map;
     let [from, to] = stretch.map(|point| maps.frame.light_from_world(point));
     let size = DVec2::new(grid.size[0] as f64, grid.size[1] as f64);
@@ -59,8 +53,30 @@ fn mark(maps: &Maps, stretch: [DVec3; 2], depths: &mut [f32]) {
         let point = from.lerp(to, (step as f64 + 0.5) / steps as f64);
         let at = grid.grid_from_light(point.truncate());
         if at.cmpge(DVec2::ZERO).all() && at.cmplt(size).all() && maps.shadow_map.is_lit(point) {
-            let texel = &mut depths[at.y as usize * grid.size[0] + at.x as usize];
-            *texel = texel.min(point.z as f32);
+            keys[at.y as usize * grid.size[0] + at.x as usize]
+                .fetch_min(key(point.z as f32), Ordering::Relaxed);
         }
+    }
+}
+
+/// A number that orders as a depth does, so that threads can find the least together.
+fn key(depth: f32) -> u32 {
+    let bits = depth.to_bits();
+    if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
+}
+
+fn depth_of(key: u32) -> f32 {
+    f32::from_bits(if key >> 31 == 1 { key & !(1 << 31) } else { !key })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_order_as_depths_do_and_come_back() {
+        let depths = [f32::NEG_INFINITY, -1e30, -2.0, -1e-30, 0.0, 1e-30, 3.0, 1e30, f32::INFINITY];
+        assert!(depths.windows(2).all(|pair| key(pair[0]) < key(pair[1])));
+        assert!(depths.iter().all(|&depth| depth_of(key(depth)) == depth));
     }
 }

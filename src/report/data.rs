@@ -365,8 +365,11 @@ pub struct Coverage {
     pub reached: u64,
     /// All elements.
     pub total: u64,
-    /// Elements that no row reaches: they keep their start value, or are filled.
+    /// Elements that no row reaches: they keep their start value, are joined to what is found, or are filled.
     pub unreached: u64,
+    /// How many of the unreached smoothness joins to the reached, so that what was found fades in them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joined: Option<u64>,
     /// How many of the unreached were filled by diffusion from their neighbours.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub filled: Option<u64>,

@@ -99,6 +99,7 @@ pub fn example() -> Report {
             reached: 148_377,
             total: 262_144,
             unreached: 113_767,
+            joined: Some(20_511),
             filled: None,
             weak: Some(9_214),
         },

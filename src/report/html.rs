@@ -128,7 +128,7 @@ fn turns(report: &Report, pictures: &Pictures) -> Result<String> {
 
 /// Which elements the pixels determine, and what became of the others.
 fn coverage(report: &Report) -> String {
-    let Coverage { elements, reached, total, unreached, filled, weak } = &report.coverage;
+    let Coverage { elements, reached, total, unreached, joined, filled, weak } = &report.coverage;
     let pixel = escaped(&report.nouns.pixel);
     let weak = match weak {
         Some(weak) if *weak > 0 => {
@@ -136,9 +136,15 @@ fn coverage(report: &Report) -> String {
         }
         _ => String::new(),
     };
-    let others = match filled {
-        Some(_) => "were filled from their neighbours",
-        None => "keep their start value",
+    let others = match (filled, joined) {
+        (Some(_), _) => "were filled from their neighbours".to_owned(),
+        (None, Some(joined)) if *joined > 0 => {
+            format!(
+                "keep their start value, but for {} that some view sees, into which what was found fades",
+                count(*joined)
+            )
+        }
+        _ => "keep their start value".to_owned(),
     };
     let sum = |of: fn(&KeyRecord) -> u64| {
         report.animation.iter().flat_map(|animation| &animation.keys).map(of).sum::<u64>()

@@ -200,8 +200,13 @@ impl Solve {
             None => Fade::OfMap(FADE),
             Some(0.0) => Fade::Nowhere,
             Some(length) => {
-                let is_length = |length: f64| length.is_normal() && length > 0.0;
-                Fade::Metres(checked("fade", length, "a distance, or 0 for nowhere", is_length)?)
+                let is_length = |length: f64| (1e-9..=1e9).contains(&length);
+                Fade::Metres(checked(
+                    "fade",
+                    length,
+                    "a distance from 1e-9 to 1e9, or 0 for nowhere",
+                    is_length,
+                )?)
             }
         };
         Ok(SolveSettings { basis, fade, ..self.build(self.gradient_of_light_map(texels))? })
@@ -422,6 +427,7 @@ mod tests {
             (r#"{"tikhonov": -1}"#, "tikhonov"),
             (r#"{"gradient": -1e-9}"#, "gradient"),
             (r#"{"fade": -1}"#, "fade"),
+            (r#"{"fade": 1e308}"#, "fade"),
             (r#"{"tikhonov": "gcv", "laplacian": "l-curve"}"#, "laplacian"),
             (r#"{"noise": 0}"#, "noise"),
             (r#"{"lower": 2, "upper": [3, 3, 1]}"#, "upper"),
