@@ -6,8 +6,8 @@ use super::rows::WorldPlace;
 use crate::Result;
 use crate::problem::LightMapProblem;
 use crate::scene::{
-    Camera, DirectionalLight, FovAxis, MapSettings, Medium, Mesh, Opacity, Primitive, Scene, SolveSettings,
-    Stroke, Target, View, look_at,
+    Camera, DirectionalLight, FovAxis, MapFit, MapSettings, Medium, Mesh, Opacity, Primitive, Scene,
+    SolveSettings, Stroke, Target, View, look_at,
 };
 
 /// Walls, floor and roof: middle and size.
@@ -43,7 +43,8 @@ pub(super) fn hall(of: &Hall) -> Result<Scene> {
         let size = DVec3::from_array(*size) * place.scale;
         mesh.append(Primitive::Box { centre, size }.mesh([0.5; 3])?, DAffine3::IDENTITY);
     }
-    let map = |size| MapSettings::new([size; 2]);
+    // Round corners would be others at another scale or place.
+    let map = |size| MapSettings { fit: MapFit::Seen, ..MapSettings::new([size; 2]) };
     Ok(Scene {
         name: "hall".to_owned(),
         light: DirectionalLight::new(DVec3::new(0.45, -1.0, -0.1), [radiance; 3])?,
