@@ -16,6 +16,8 @@ const PIXEL_STRIDE: usize = 16;
 const LEAST_HITS: f64 = 0.25;
 /// The part of a stroke's paint without light from which on it lies in shadow.
 const SHADOWED: f64 = 0.5;
+/// Strokes of a view at most that are painted again to see whether they lie in shadow.
+const MOST_STROKES: usize = 256;
 /// The part of the painted pixels' light from outside the light map that is worth a word.
 const OUTSIDE: f64 = 0.05;
 /// The part of the painted pixels that contradict each other that is worth a word.
@@ -31,8 +33,8 @@ const HELD_BACK: f64 = 0.1;
 pub(super) fn tell_of_fog(scene: &Scene, geometry: &Geometry) {
     let sigma = scene.medium.sigma_t.iter().sum::<f64>() / 3.0;
     for view in &scene.views {
-        let Some(metres) = depth_of(view, geometry) else { continue };
-        let depths = sigma * metres;
+        let Some(distance) = depth_of(view, geometry) else { continue };
+        let depths = sigma * distance;
         let (than, effect) = match depths {
             _ if depths > DEPTHS[1] => ("thick", "hides all that is behind it"),
             _ if depths < DEPTHS[0] => ("thin", "shows next to no light"),
@@ -42,11 +44,11 @@ pub(super) fn tell_of_fog(scene: &Scene, geometry: &Geometry) {
             "view `{}` looks through fog of {} optical depths (half of what it sees is nearer than {}, in the scene's unit): fog so {than} {effect}",
             view.name,
             figures(depths),
-            figures(metres),
+            figures(distance),
         );
         let remedy = format!(
             "set `medium.sigma_t={}`, which is one optical depth; or set `unit=cm` or another, if lengths are not in metres",
-            figures(scene.metres_per_unit.recip() / metres)
+            figures(scene.metres_per_unit.recip() / distance)
         );
         Warning::new("fog-out-of-range", text, remedy).tell();
     }
@@ -75,9 +77,17 @@ fn figures(value: f64) -> String {
 /// Tells of strokes on which no light falls.
 pub(super) fn tell_of_shadow(scene: &Scene, problem: &LightMapProblem) -> Result<()> {
     for (index, view) in scene.views.iter().enumerate() {
+        let rows = (0..problem.constraints.len()).filter(|&row| problem.constraints[row].view == index);
+        let rows: Vec<usize> = rows.filter(|&row| problem.constraints[row].is_painted()).collect();
+        // Most views have no such pixel, and need no stroke painted again.
+        let dark_rows: Vec<usize> = rows.iter().copied().filter(|&row| problem.is_dark(row)).collect();
+        let dark_pixels =
+            || dark_rows.iter().map(|&row| [problem.constraints[row].x, problem.constraints[row].y]);
+        let may_be_dark = |stroke: &&(usize, &Stroke)| may_cover(stroke.1, dark_pixels());
+        let strokes: Vec<(usize, &Stroke)> = view.strokes.iter().enumerate().collect();
         let mut dark = Vec::new();
-        for (number, stroke) in view.strokes.iter().enumerate() {
-            let share = unlit(problem, (index, view), stroke)?;
+        for &(number, stroke) in strokes.iter().filter(may_be_dark).take(MOST_STROKES) {
+            let share = unlit(problem, &rows, view, stroke)?;
             if share >= SHADOWED {
                 dark.push((number, share));
             }
@@ -98,12 +108,24 @@ pub(super) fn tell_of_shadow(scene: &Scene, problem: &LightMapProblem) -> Result
     Ok(())
 }
 
-/// The part of a stroke's paint that no light reaches.
-fn unlit(problem: &LightMapProblem, (index, view): (usize, &View), stroke: &Stroke) -> Result<f64> {
+/// Whether any of some pixels lies in the box around a stroke.
+fn may_cover(stroke: &Stroke, mut pixels: impl Iterator<Item = [usize; 2]>) -> bool {
+    let sides = [0, 1].map(|axis| {
+        let along = stroke.points.iter().map(|point| point[axis]);
+        let (low, high) =
+            (along.clone().fold(f32::INFINITY, f32::min), along.fold(f32::NEG_INFINITY, f32::max));
+        low - stroke.radius - 1.0..high + stroke.radius + 1.0
+    });
+    pixels.any(|pixel| (0..2).all(|axis| sides[axis].contains(&(pixel[axis] as f32))))
+}
+
+/// The part of a stroke's paint that no light reaches; `rows` are those of its view.
+fn unlit(problem: &LightMapProblem, rows: &[usize], view: &View, stroke: &Stroke) -> Result<f64> {
     let alone = View { strokes: vec![stroke.clone()], layers: Vec::new(), ..view.clone() };
     let painting = paint(&alone)?.colors;
     let (mut dark, mut all) = (0.0, 0.0);
-    for (row, pixel) in problem.constraints.iter().enumerate().filter(|(_, pixel)| pixel.view == index) {
+    for &row in rows {
+        let pixel = &problem.constraints[row];
         let opacity = f64::from(painting.pixels[pixel.y * painting.size()[0] + pixel.x][3]);
         if opacity > 0.0 {
             all += opacity;
