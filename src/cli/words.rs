@@ -66,7 +66,11 @@ pub(super) fn of_report(report: &Report, folder: &Path, numbers: bool) -> String
     let pixel = &report.nouns.pixel;
     let mut lines = Vec::new();
     let total = report.timings.get("total").copied().unwrap_or_default();
-    let pixels = report.matched.iter().map(|view| view.painted_pixels).sum::<u64>().max(report.problem.rows);
+    // Rows may be others than those that somebody painted, too: pixels that are kept.
+    let pixels = match report.matched.iter().map(|view| view.painted_pixels).sum::<u64>() {
+        0 => report.problem.rows,
+        painted => painted,
+    };
     lines.push(format!(
         "{}: {}; {} in {}, {total:.1} s in all",
         report.scene,
