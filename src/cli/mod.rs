@@ -14,6 +14,8 @@ mod words;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
 use clap::{CommandFactory, Parser};
 
@@ -143,12 +145,16 @@ fn run(command: &Command, manners: &Manners) -> Result<Done> {
     }
 }
 
+/// Requests within this time are one: `timeout` sends its signal to the program and then to the program's group, so to the program again.
+const ONE_REQUEST: Duration = Duration::from_millis(500);
+
 /// Lets Ctrl-C end the work in order; a second one ends it at once, without the results that have begun in a folder. SIGTERM and SIGHUP
 /// are the same, unless whoever started the program has it ignore them, as `nohup` does.
 fn watch_interrupt(stop: &Stop, folder: Option<PathBuf>) -> Result<()> {
-    let stop = stop.clone();
+    let (stop, first) = (stop.clone(), OnceLock::new());
     let asked = move || {
-        if stop.ask() {
+        stop.ask();
+        if first.get_or_init(Instant::now).elapsed() > ONE_REQUEST {
             folder.iter().for_each(|folder| abandon(folder));
             std::process::exit(INTERRUPTED);
         }

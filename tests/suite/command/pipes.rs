@@ -84,6 +84,15 @@ fn timeout_ends_a_run_with_its_results() {
     assert!(!desk.path("out/preview").exists());
 }
 
+/// Signals of two kinds are not merged into one on their way.
+#[test]
+fn a_request_that_comes_twice_at_once_is_one() {
+    let desk = Desk::new();
+    let line = format!("{LONG} & {UNDER_WAY}; kill -TERM $!; kill -INT $!; wait $!");
+    assert_eq!(shell(&desk, &line).status.code(), Some(130));
+    assert_eq!(desk.json("out/report.json")["stop"]["reason"], "interrupted");
+}
+
 #[test]
 fn a_closed_terminal_ends_a_run_unless_it_was_told_to_ignore_that() {
     let desk = Desk::new();
