@@ -1,6 +1,6 @@
 use std::fmt::Debug;
 
-use super::{TileMetric, Transport};
+use super::{Mixed, TileMetric, Transport};
 use crate::Result;
 use crate::march::{Real, Traversal};
 use crate::operator::{
@@ -9,12 +9,13 @@ use crate::operator::{
 };
 use crate::scene::Strategy;
 
-/// Does the same with either kind.
+/// Does the same with any kind.
 macro_rules! of_any {
     ($operator:expr, $transport:ident => $done:expr) => {
         match $operator {
             HostOperator::Grey($transport) => $done,
             HostOperator::Colored($transport) => $done,
+            HostOperator::Mixed($transport) => $done,
         }
     };
 }
@@ -26,6 +27,8 @@ pub enum HostOperator<T, F = f32> {
     Grey(Transport<T, F, 1>),
     /// One weight a channel.
     Colored(Transport<T, F, 3>),
+    /// One weight a channel in some rows.
+    Mixed(Mixed<T, F>),
 }
 
 impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> HostOperator<T, F> {

@@ -16,12 +16,12 @@ pub struct Beam {
     pub radiance: Rgb,
 }
 
-/// Light of some beams at the centres of voxels, attenuated by a medium and shadowed by surfaces: Σ L e^{−τ} V.
+/// Light of some beams at the centres of voxels, attenuated by a medium and shadowed or coloured by surfaces: Σ L e^{−τ} V.
 ///
 /// The transmittance is integrated exactly from each centre to where the medium ends. It is computed where the medium is,
 /// and is 0 elsewhere, where nothing scatters.
 ///
-/// Shapes  the grid's, one number a voxel for grey light in a grey medium, else three
+/// Shapes  the grid's, one number a voxel for grey light in a grey medium behind grey panes, else three
 /// Units   those of the beams' radiance
 /// Errors: [`Error::NonFinite`] where a sum is beyond f32
 /// Cost    one ray through the medium for every voxel and beam
@@ -38,7 +38,9 @@ pub fn light_volume(
         arriving(density, geometry, centre, beams).map(|value| value as f32)
     };
     let lit: Vec<Rgb> = voxels.par_iter().map(light_at).collect();
-    let is_grey = density.is_grey() && beams.iter().all(|beam| beam.radiance == [beam.radiance[0]; 3]);
+    let is_grey = density.is_grey()
+        && geometry.is_grey()
+        && beams.iter().all(|beam| beam.radiance == [beam.radiance[0]; 3]);
     let channels = if is_grey { 1 } else { 3 };
     let mut samples = vec![0.0; grid.len() * channels];
     for (index, color) in voxels.iter().zip(lit) {
@@ -85,11 +87,12 @@ fn arriving(density: &Density, geometry: &Geometry, point: DVec3, beams: &[Beam]
     let mut sum = [0.0f64; 3];
     for beam in beams {
         let ray = Ray { origin: point, direction: beam.towards };
-        if geometry.blocks(&ray, f64::INFINITY) {
+        let passes = geometry.transmittance(&ray, f64::INFINITY);
+        if passes == [0.0; 3] {
             continue;
         }
         let tau = density.optical_depth(point, beam.towards, f64::INFINITY);
-        (0..3).for_each(|c| sum[c] += f64::from(beam.radiance[c]) * (-tau[c]).exp());
+        (0..3).for_each(|c| sum[c] += f64::from(passes[c] * beam.radiance[c]) * (-tau[c]).exp());
     }
     sum
 }

@@ -9,8 +9,8 @@ use crate::scene::{AlphaMask, Wrap};
 pub(super) struct Cutoff(f32);
 
 impl Cutoff {
-    /// Of what blends: it is there, or it is not.
-    pub(super) const BLEND: f32 = 0.5;
+    /// Of a picture that says no more than where a surface is.
+    pub(super) const HALF: f32 = 0.5;
 
     /// The surface is there where the texture's alpha times `factor` is at least `cutoff`.
     pub(super) fn new(cutoff: f32, factor: f32) -> Self {
@@ -56,12 +56,12 @@ mod tests {
 
     #[test]
     fn a_factor_raises_what_the_texture_must_have() {
-        let half = Cutoff::new(Cutoff::BLEND, 1.0);
+        let half = Cutoff::new(Cutoff::HALF, 1.0);
         assert!(half.keeps(128) && !half.keeps(127) && !half.leaves_nothing());
-        let faint = Cutoff::new(Cutoff::BLEND, 0.625);
+        let faint = Cutoff::new(Cutoff::HALF, 0.625);
         assert!(faint.keeps(204) && !faint.keeps(203) && !faint.leaves_nothing());
-        assert!(Cutoff::new(Cutoff::BLEND, 0.49).leaves_nothing());
-        assert!(Cutoff::new(Cutoff::BLEND, 0.0).leaves_nothing());
+        assert!(Cutoff::new(Cutoff::HALF, 0.49).leaves_nothing());
+        assert!(Cutoff::new(Cutoff::HALF, 0.0).leaves_nothing());
     }
 
     #[test]

@@ -1,12 +1,13 @@
 //! Geometry, cameras and suns from glTF 2.0 files (`.gltf` and `.glb`).
 //!
 //! What is read: triangles of all kinds with the transforms of their nodes and instances, base colour and
-//! alpha of materials, perspective cameras, directional lights. Skins, morph targets and animations are not
+//! alpha of materials and what they let through, perspective cameras, directional lights. Skins, morph targets and animations are not
 //! applied.
 
 mod accessor;
 mod extensions;
 mod file;
+mod glass;
 mod instances;
 mod material;
 mod node_tree;

@@ -2,6 +2,7 @@
 
 mod checkpoint;
 mod cutout;
+mod film;
 pub mod gltf;
 mod guard;
 pub mod image;

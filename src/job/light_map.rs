@@ -54,6 +54,7 @@ pub(super) fn solve(
     let problem = trace(scene, engine, options.rasterize, steps)?;
     steps.go_on()?;
     warnings::tell_of_fog(scene, &problem.maps.geometry);
+    warnings::tell_of_panes(&problem.maps);
     warnings::tell_of_shadow(scene, &problem)?;
     let memory = MemoryBudget::of_light_map(scene);
     let settings = memory.settled(scene.solve.clone(), &problem)?;

@@ -133,7 +133,7 @@ fn metric_bytes(settings: &SolveSettings, problem: &dyn Problem, unknowns: usize
 /// that is known from their sizes, before any of them is made.
 pub(crate) fn check_scene(scene: &Scene) -> Result<()> {
     let bytes = scene.pixels() * PAINTED
-        + len(scene.shadow_map.size) * ShadowMap::TEXEL
+        + len(scene.shadow_map.size) * ShadowMap::bytes_a_texel(&scene.mesh)
         + len(scene.light_map.size) * COLOR;
     let needed = sky_bytes(scene).saturating_add(bytes as u64);
     MemoryBudget::of_light_map(scene).check("the scene's pictures and maps", needed)

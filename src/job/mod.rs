@@ -358,6 +358,7 @@ fn draw(
     steps.begin("tracing", None);
     let maps = fit(scene, &map, &Arc::new(Geometry::new(scene.mesh.clone())?))?;
     warnings::tell_of_fog(scene, &maps.geometry);
+    warnings::tell_of_panes(&maps);
     steps.begin("rendering", Some(scene.views.len() as u64));
     let mut drawn = Vec::new();
     for view in 0..scene.views.len() {

@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use crate::problem::{LightMapProblem, Match, paint};
+use crate::problem::{LightMapProblem, Maps, Match, paint};
 use crate::report::LightRecord;
 use crate::scene::{Scene, Stroke, View};
-use crate::visibility::Geometry;
+use crate::visibility::{Behind, Geometry};
 use crate::{Result, Warning};
 
 /// A view through fog of more optical depths is grey, and through one of fewer shows no shafts.
@@ -51,6 +51,28 @@ pub(super) fn tell_of_fog(scene: &Scene, geometry: &Geometry) {
             figures(scene.metres_per_unit.recip() / distance)
         );
         Warning::new("fog-out-of-range", text, remedy).tell();
+    }
+}
+
+/// Tells of panes one behind the other of which there are too many.
+pub(super) fn tell_of_panes(maps: &Maps) {
+    let crowded = maps.shadow_map.behind().map_or(0, Behind::crowded);
+    if crowded > 0 {
+        let all = maps.shadow_map.grid().len() as f64;
+        let text = format!(
+            "light passes more than {} panes one behind the other in {:.1} % of the shadow map; those behind colour it where the last one does",
+            Behind::MOST_PANES,
+            100.0 * crowded as f64 / all
+        );
+        Warning::new("panes-too-many", text, "give what is there or is not a MASK in place of BLEND").tell();
+    }
+}
+
+/// Tells of panes that hide what views of a volume would see through them.
+pub(super) fn tell_of_hidden(geometry: &Geometry) {
+    if geometry.has_panes() {
+        let text = "some occluders let light through: it arrives coloured, but no view of a volume looks through them";
+        Warning::new("panes-hide", text, "leave out panes between views and volume").tell();
     }
 }
 

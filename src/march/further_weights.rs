@@ -1,6 +1,4 @@
-use std::sync::Arc;
-
-use super::{Real, Traversal, Weight};
+use super::{Real, Weight};
 use crate::scene::Rgb;
 use crate::{Error, Result};
 
@@ -145,26 +143,5 @@ impl FurtherWeights {
                 visit(texels + further, wide(weight));
             }
         }
-    }
-}
-
-/// The rows of a light map without what is along their rays: the texels that surfaces show, and the further elements.
-#[derive(Debug, Clone)]
-pub struct FurtherRows {
-    pub(super) weights: Arc<FurtherWeights>,
-    pub(super) texels: usize,
-}
-
-impl<F: Real, const C: usize> Traversal<F, C> for FurtherRows {
-    fn rows(&self) -> usize {
-        self.weights.reflected.len()
-    }
-
-    fn elements(&self) -> usize {
-        self.texels + self.weights.further
-    }
-
-    fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
-        self.weights.walk(row, self.texels, |_| {}, visit);
     }
 }

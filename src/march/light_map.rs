@@ -1,10 +1,14 @@
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
-use super::basis::{Bilinear, NearestTexel, Piece, TexelWindow};
-use super::visibility::{ShadowRay, clip};
-use super::{FurtherRows, FurtherWeights, Real, Traversal, Weight, least, most};
+use super::basis::{Bilinear, NearestTexel, TexelWindow};
+use super::lit::{
+    Colored, Light, LitStretch, LitStretches, SeenPane, SeenPanes, add_extinguished, reached, weight_between,
+};
+use super::texels::{TexelRay, grid_ray};
+use super::visibility::{clip, shadow_ray};
+use super::{FurtherWeights, Real, Traversal, Weight};
 use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray};
 use crate::visibility::ShadowMap;
 
@@ -18,7 +22,7 @@ pub struct ViewRay {
     pub origin: DVec3,
     /// Direction in the frame of the light; of unit length.
     pub direction: DVec3,
-    /// Distance to the first surface in metres; infinite where there is none.
+    /// Distance to the first solid surface in metres; infinite where there is none.
     pub length: f64,
     /// Scattering factor ρ f(θ) a channel, constant along the ray because the light is parallel.
     pub scattering: [f64; 3],
@@ -45,7 +49,7 @@ impl ViewRay {
 pub struct LightMapTransport {
     /// Extinction σ_t a channel, in 1/metre; above 0.
     pub sigma_t: [f64; 3],
-    /// Which points are lit.
+    /// Which points are lit, and through which panes.
     pub shadow_map: Arc<ShadowMap>,
     /// Where the texels of the light map lie.
     pub light_map: Grid,
@@ -75,7 +79,8 @@ pub struct RowExtent {
 /// The traversal of view rays through light map and shadow map together.
 ///
 /// Row k holds for texel i the weight `ρ f(θ) ∫₀ˢ σ_t e^{−σ_t t} V(t) vᵢ(t) dt`, with V the shadow map's
-/// visibility and vᵢ the basis (Kol 2017, eq. 1, with the σ_t and the step length that its `T[k, j]` leaves out).
+/// visibility and vᵢ the basis (Kol 2017, eq. 1, with the σ_t and the step length that its `T[k, j]` leaves out). Where there are
+/// panes, V is what they let through on the way of the light to t and from there to the eye, channel by channel.
 ///
 /// Shapes  rows: view rays; elements: texels of the light map, row by row, then the further ones of [`FurtherWeights`]
 /// Units   weights: dimensionless a steradian (radiance of the picture per radiance of the map)
@@ -84,13 +89,22 @@ pub struct RowExtent {
 pub struct LightMapTraversal {
     transport: LightMapTransport,
     rays: Arc<[ViewRay]>,
+    /// Panes that the eye looks through.
+    seen: Option<Arc<SeenPanes>>,
     further: Option<Arc<FurtherWeights>>,
+    /// Whether only what panes have coloured counts along the rays.
+    only_colored: bool,
 }
 
 impl LightMapTraversal {
     /// The rows of `rays`.
     pub fn new(transport: LightMapTransport, rays: Arc<[ViewRay]>) -> Self {
-        Self { transport, rays, further: None }
+        Self { transport, rays, seen: None, further: None, only_colored: false }
+    }
+
+    /// The same rows through panes before the eye, one row of panes a ray.
+    pub fn through_panes(self, seen: Option<Arc<SeenPanes>>) -> Self {
+        Self { seen, ..self }
     }
 
     /// The same rows, which have further weights, too: of elements behind the texels, one row of weights a ray.
@@ -103,10 +117,42 @@ impl LightMapTraversal {
         self.further.as_ref()
     }
 
-    /// The rows of the further weights alone, without the texels along the rays; none where there are no further weights.
-    pub fn further_rows(&self) -> Option<FurtherRows> {
-        let texels = self.transport.light_map.len();
-        self.further.clone().map(|weights| FurtherRows { weights, texels })
+    /// The same rows, with panes as solid as all else on the way of the light and on that of the eye.
+    pub fn before_panes(&self) -> Self {
+        let shadow_map = match self.transport.shadow_map.behind() {
+            None => self.transport.shadow_map.clone(),
+            Some(_) => Arc::new((*self.transport.shadow_map).clone().with_solid_panes()),
+        };
+        let first = |row: usize| self.seen_by(row).first().map_or(f64::INFINITY, |pane| pane.distance);
+        let cut = |(row, ray): (usize, &ViewRay)| ViewRay { length: ray.length.min(first(row)), ..*ray };
+        let rays = match self.seen {
+            None => self.rays.clone(),
+            Some(_) => self.rays.iter().enumerate().map(cut).collect(),
+        };
+        let transport = LightMapTransport { shadow_map, ..self.transport.clone() };
+        Self { transport, rays, seen: None, ..self.clone() }
+    }
+
+    /// What the rows have beside texels along the rays up to panes: light that panes have coloured, and further weights. None where that
+    /// is nothing.
+    pub fn beside(&self) -> Option<Self> {
+        let is_something =
+            self.further.is_some() || self.seen.is_some() || self.transport.shadow_map.behind().is_some();
+        is_something.then(|| Self { only_colored: true, ..self.clone() })
+    }
+
+    /// Whether light on a row passes a pane, on its way to the ray or to the eye.
+    pub fn is_colored(&self, row: usize) -> bool {
+        let ray = &self.rays[row];
+        let mut is_colored = false;
+        let light = Colored(Light::<f64>::new(ray, &self.transport.shadow_map, self.seen_by(row)));
+        light.each(0.0, self.end(ray), &mut |_, _, _| is_colored = true);
+        is_colored
+    }
+
+    /// The panes that the eye looks through on a row.
+    pub fn seen_by(&self, row: usize) -> &[SeenPane] {
+        self.seen.as_ref().map_or(&[], |seen| seen.of(row))
     }
 
     /// Some of its rows.
@@ -114,7 +160,9 @@ impl LightMapTraversal {
         Self {
             transport: self.transport.clone(),
             rays: rows.iter().map(|&row| self.rays[row]).collect(),
+            seen: self.seen.as_ref().and_then(|seen| SeenPanes::new(rows.iter().map(|&row| seen.of(row)))),
             further: self.further.as_ref().map(|shown| Arc::new(shown.picked(rows))),
+            only_colored: self.only_colored,
         }
     }
 
@@ -138,28 +186,26 @@ impl LightMapTraversal {
     ///
     /// It walks lit stretches only, so a picture under constant light costs no walk through texels.
     pub fn lit_weight(&self, row: usize) -> [f64; 3] {
-        self.weight_between(&self.rays[row], 0.0, self.end(&self.rays[row]))
+        self.weight_between(row, 0.0, self.end(&self.rays[row]))
     }
 
     /// The ray of a row with its lit stretches, which are found once and can be used more than once.
     pub fn lit_ray(&self, row: usize) -> LitRay<'_> {
         let (ray, end) = (&self.rays[row], self.end(&self.rays[row]));
-        LitRay {
-            transport: &self.transport,
-            ray,
-            end,
-            stretches: lit_stretches(ray, &self.transport.shadow_map, end),
-        }
+        let mut stretches = Vec::new();
+        let light = Light::<f64>::new(ray, &self.transport.shadow_map, self.seen_by(row));
+        light.each(0.0, end, &mut |from, to, passes| stretches.push(LitStretch { from, to, passes }));
+        LitRay { transport: &self.transport, ray, end, stretches }
     }
 
     /// The weight of light that reaches the row from outside the light map, exact whatever the quadrature.
     pub fn outside_weight(&self, row: usize) -> [f64; 3] {
         let (ray, end) = (&self.rays[row], self.end(&self.rays[row]));
         match self.transport.inside(ray, end) {
-            None => self.weight_between(ray, 0.0, end),
+            None => self.weight_between(row, 0.0, end),
             Some([enter, leave]) => {
                 let (before, after) =
-                    (self.weight_between(ray, 0.0, enter), self.weight_between(ray, leave, end));
+                    (self.weight_between(row, 0.0, enter), self.weight_between(row, leave, end));
                 std::array::from_fn(|c| before[c] + after[c])
             }
         }
@@ -192,7 +238,7 @@ impl LightMapTraversal {
         if let Some([enter, leave]) = self.transport.inside(ray, end) {
             let [_, slope] = grid_ray(ray, &self.transport.light_map);
             extent.texels = slope.length() * (leave - enter);
-            let lit = shadow_ray::<f64>(ray, &self.transport.shadow_map);
+            let lit = shadow_ray::<f64>(ray, reached(&self.transport.shadow_map));
             extent.shadow_nodes = lit.lit_stretches(enter, leave, &mut |start, end| {
                 extent.lit_texels += slope.length() * (end - start);
             });
@@ -205,39 +251,9 @@ impl LightMapTraversal {
         ray.length.min(self.transport.reach())
     }
 
-    fn weight_between(&self, ray: &ViewRay, a: f64, b: f64) -> [f64; 3] {
-        weight_between(ray, self.transport.sigma_t, &self.transport.shadow_map, [a, b])
-    }
-}
-
-/// The stretches of a ray up to `end` metres that a light reaches, in its frame and in metres from the eye.
-pub fn lit_stretches(ray: &ViewRay, shadow_map: &ShadowMap, end: f64) -> Vec<[f64; 2]> {
-    let mut stretches = Vec::new();
-    shadow_ray::<f64>(ray, shadow_map).lit_stretches(0.0, end, &mut |from, to| stretches.push([from, to]));
-    stretches
-}
-
-/// The weight of a light's scattered light from between a and b metres along a ray in its frame, where its shadow map lets it pass.
-pub fn weight_between(
-    ray: &ViewRay,
-    sigma_t: [f64; 3],
-    shadow_map: &ShadowMap,
-    [a, b]: [f64; 2],
-) -> [f64; 3] {
-    let mut sum = [0.0; 3];
-    if a < b {
-        let lit = shadow_ray::<f64>(ray, shadow_map);
-        lit.lit_stretches(a, b, &mut |start, end| add_extinguished(&mut sum, sigma_t, [start, end]));
-    }
-    std::array::from_fn(|c| ray.scattering[c] * sum[c])
-}
-
-/// Adds the share of light that a stretch of a ray extinguishes.
-#[inline(always)]
-fn add_extinguished(sum: &mut [f64; 3], sigma_t: [f64; 3], [start, end]: [f64; 2]) {
-    for c in 0..3 {
-        let entering = (-sigma_t[c] * start).exp();
-        sum[c] += entering * super::exponential::extinguished(sigma_t[c] * (end - start));
+    fn weight_between(&self, row: usize, a: f64, b: f64) -> [f64; 3] {
+        let transport = &self.transport;
+        weight_between(&self.rays[row], self.seen_by(row), transport.sigma_t, &transport.shadow_map, [a, b])
     }
 }
 
@@ -247,18 +263,23 @@ pub struct LitRay<'a> {
     transport: &'a LightMapTransport,
     ray: &'a ViewRay,
     end: f64,
-    /// In metres from the eye, in order.
-    stretches: Vec<[f64; 2]>,
+    /// In order.
+    stretches: Vec<LitStretch>,
 }
 
 impl LitRay<'_> {
     /// What [`LightMapTraversal::lit_weight`] is of the row.
     pub fn weight(&self) -> [f64; 3] {
         let mut sum = [0.0; 3];
-        for &stretch in &self.stretches {
+        for stretch in &self.stretches {
             add_extinguished(&mut sum, self.transport.sigma_t, stretch);
         }
         std::array::from_fn(|c| self.ray.scattering[c] * sum[c])
+    }
+
+    /// Whether all channels pass alike.
+    pub fn is_grey(&self) -> bool {
+        self.stretches.iter().all(|stretch| stretch.passes == [stretch.passes[0]; 3])
     }
 }
 
@@ -274,24 +295,6 @@ impl<const C: usize> Traversal<f64, C> for LitRay<'_> {
     #[inline]
     fn walk(&self, _row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
         self.transport.walk_any(self.ray, self.end, &self.stretches, visit);
-    }
-}
-
-/// What finds the lit stretches of [a, b] of a ray.
-trait LitStretches<F> {
-    fn each(&self, a: F, b: F, visit: &mut dyn FnMut(F, F));
-}
-
-impl<F: Real> LitStretches<F> for ShadowRay<'_, F> {
-    fn each(&self, a: F, b: F, visit: &mut dyn FnMut(F, F)) {
-        self.lit_stretches(a, b, visit);
-    }
-}
-
-impl LitStretches<f64> for Vec<[f64; 2]> {
-    fn each(&self, a: f64, b: f64, visit: &mut dyn FnMut(f64, f64)) {
-        let inside = self.iter().map(|&[start, end]| (most(start, a), least(end, b)));
-        inside.filter(|(start, end)| start < end).for_each(|(start, end)| visit(start, end));
     }
 }
 
@@ -325,8 +328,12 @@ impl LightMapTraversal {
     #[inline]
     fn walk_texels<F: Real, const C: usize>(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
         let ray = &self.rays[row];
-        let lit = shadow_ray::<F>(ray, &self.transport.shadow_map);
-        self.transport.walk_any(ray, self.end(ray), &lit, visit);
+        let light = Light::<F>::new(ray, &self.transport.shadow_map, self.seen_by(row));
+        if self.only_colored {
+            self.transport.walk_any(ray, self.end(ray), &Colored(light), visit);
+        } else {
+            self.transport.walk_any(ray, self.end(ray), &light, visit);
+        }
     }
 }
 
@@ -367,13 +374,15 @@ impl LightMapTransport {
         let Some([enter, leave]) = self.inside(ray, end) else { return };
         let sigma_t: [F; C] = std::array::from_fn(|c| F::of(self.sigma_t[c]));
         let scattering: [F; C] = std::array::from_fn(|c| F::of(ray.scattering[c]));
-        let at = |t: F| std::array::from_fn(|c| scattering[c] * (-sigma_t[c] * t).exp());
+        let at = |t: F, passes: [F; 3]| {
+            std::array::from_fn(|c| scattering[c] * passes[c] * (-sigma_t[c] * t).exp())
+        };
         let cells = TexelRay::<F>::new(ray, &self.light_map, W::SHIFT, W::EXTRA);
         let mut reached = cells.cell(F::of(enter));
         let mut window = W::new(self.light_map.size);
-        let mut integrate = |a: F, b: F| match self.quadrature {
+        let mut integrate = |a: F, b: F, passes: [F; 3]| match self.quadrature {
             Quadrature::Exact => {
-                let mut strength: [F; C] = at(a);
+                let mut strength: [F; C] = at(a, passes);
                 cells.pieces(&mut reached, a, b, |piece, length| {
                     let s = sigma_t.map(|sigma| sigma * length);
                     let extinguished = window.integrate(piece, s, strength, visit);
@@ -387,7 +396,7 @@ impl LightMapTransport {
                 let index = |t: F| (t / step - F::of(0.5)).ceil().max(F::zero()).wide() as u32;
                 for j in index(a)..index(b).min(steps) {
                     let t = (F::of(f64::from(j)) + F::of(0.5)) * step;
-                    let strength: [F; C] = at(t);
+                    let strength: [F; C] = at(t, passes);
                     let strength = std::array::from_fn(|c| strength[c] * sigma_t[c] * step);
                     window.sample(&cells.at(t), strength, visit);
                 }
@@ -397,121 +406,11 @@ impl LightMapTransport {
             None => lit.each(F::of(enter), F::of(leave), &mut integrate),
             Some(mask) => {
                 let mask = shadow_ray::<F>(ray, mask);
-                lit.each(F::of(enter), F::of(leave), &mut |a, b| {
-                    mask.lit_stretches_from(NEARBY, a, b, &mut integrate);
+                lit.each(F::of(enter), F::of(leave), &mut |a, b, passes| {
+                    mask.lit_stretches_from(NEARBY, a, b, &mut |a, b| integrate(a, b, passes));
                 });
             }
         }
         window.finish(visit);
-    }
-}
-
-/// A view ray in the texels and depths of a shadow map.
-fn shadow_ray<'a, F: Real>(ray: &ViewRay, map: &'a ShadowMap) -> ShadowRay<'a, F> {
-    let [origin, slope] = grid_ray(ray, map.grid());
-    ShadowRay {
-        map,
-        origin: [F::of(origin.x), F::of(origin.y)],
-        slope: [F::of(slope.x), F::of(slope.y)],
-        inverse: [inverse(F::of(slope.x)), inverse(F::of(slope.y))],
-        depth: F::of(ray.origin.z - map.depth_origin()),
-        depth_slope: F::of(ray.direction.z),
-    }
-}
-
-/// One over a slope, and infinite for zero of either sign: such a line is never crossed.
-fn inverse<F: Real>(slope: F) -> F {
-    if slope == F::zero() { F::infinity() } else { F::one() / slope }
-}
-
-/// Position in a grid at t = 0 and its change a metre.
-fn grid_ray(ray: &ViewRay, grid: &Grid) -> [DVec2; 2] {
-    let slope = DVec2::new(ray.direction.x, ray.direction.y) * grid.density();
-    [grid.grid_from_light(DVec2::new(ray.origin.x, ray.origin.y)), slope]
-}
-
-/// A ray in cells of the basis.
-struct TexelRay<F> {
-    origin: [F; 2],
-    slope: [F; 2],
-    /// 1 / slope, infinite where the slope is zero.
-    inverse: [F; 2],
-    last: [usize; 2],
-}
-
-impl<F: Real> TexelRay<F> {
-    fn new(ray: &ViewRay, grid: &Grid, shift: f64, extra: usize) -> Self {
-        let [origin, slope] = grid_ray(ray, grid);
-        Self {
-            origin: [F::of(origin.x + shift), F::of(origin.y + shift)],
-            slope: [F::of(slope.x), F::of(slope.y)],
-            inverse: [inverse(F::of(slope.x)), inverse(F::of(slope.y))],
-            last: grid.size.map(|side| side + extra - 1),
-        }
-    }
-
-    #[inline(always)]
-    fn cell(&self, t: F) -> [usize; 2] {
-        std::array::from_fn(|axis| {
-            // The cast rounds towards zero, and takes what rounding has put before the first cell to it.
-            let index = (self.origin[axis] + self.slope[axis] * t).wide() as usize;
-            index.min(self.last[axis])
-        })
-    }
-
-    #[inline(always)]
-    fn at(&self, t: F) -> Piece<F> {
-        self.piece(self.cell(t), t, F::zero())
-    }
-
-    #[inline(always)]
-    fn piece(&self, cell: [usize; 2], t: F, length: F) -> Piece<F> {
-        let start = |axis: usize| self.origin[axis] + self.slope[axis] * t - F::of(cell[axis] as f64);
-        Piece { cell, start: [start(0), start(1)], change: [self.slope[0] * length, self.slope[1] * length] }
-    }
-
-    /// Visits the pieces of [a, b] cell by cell, in order (Amanatides and Woo 1987).
-    ///
-    /// Every crossing is computed from its own grid line, so rounding does not add up along the ray. Which axis comes
-    /// next is hard to predict, so both are advanced without a branch, one of them by nothing.
-    ///
-    /// `reached` is the cell in which the stretch before has ended; whatever the rounding, none begins behind it.
-    #[inline(always)]
-    fn pieces(&self, reached: &mut [usize; 2], a: F, b: F, mut visit: impl FnMut(&Piece<F>, F)) {
-        let (ahead, step) = (self.slope.map(|slope| slope > F::zero()), self.slope.map(F::signum));
-        let begin = self.cell(a);
-        let mut cell = std::array::from_fn(|axis| match ahead[axis] {
-            true => begin[axis].max(reached[axis]),
-            false => begin[axis].min(reached[axis]),
-        });
-        let mut line: [F; 2] = std::array::from_fn(|axis| match self.slope[axis] == F::zero() {
-            true => F::infinity(),
-            false => F::of((cell[axis] + usize::from(ahead[axis])) as f64),
-        });
-        let crossing = |line: [F; 2], axis: usize| (line[axis] - self.origin[axis]) * self.inverse[axis];
-        let mut next = [crossing(line, 0), crossing(line, 1)];
-        let mut t = a;
-        loop {
-            let x_first = next[0] <= next[1];
-            let end = least(least(next[0], next[1]), b);
-            if end > t {
-                visit(&self.piece(cell, t, end - t), end - t);
-                t = end;
-                *reached = cell;
-            }
-            if end >= b {
-                break;
-            }
-            for (axis, comes) in [(0, x_first), (1, !x_first)] {
-                line[axis] += if comes { step[axis] } else { F::zero() };
-                let onwards = if ahead[axis] { 1 } else { usize::MAX };
-                cell[axis] = cell[axis].wrapping_add(if comes { onwards } else { 0 });
-            }
-            // Only rounding at the rim of the map can lead outside, by less than what it can resolve.
-            if cell[0] > self.last[0] || cell[1] > self.last[1] {
-                break;
-            }
-            next = [crossing(line, 0), crossing(line, 1)];
-        }
     }
 }

@@ -7,14 +7,15 @@ mod basis;
 mod exponential;
 mod further_weights;
 mod light_map;
+mod lit;
+mod texels;
 mod visibility;
 mod volume;
 
 pub use exponential::{SERIES_0, SERIES_2};
-pub use further_weights::{FurtherRows, FurtherWeights, Reflected};
-pub use light_map::{
-    LightMapTransport, LightMapTraversal, LitRay, RowExtent, ViewRay, lit_stretches, weight_between,
-};
+pub use further_weights::{FurtherWeights, Reflected};
+pub use light_map::{LightMapTransport, LightMapTraversal, LitRay, RowExtent, ViewRay};
+pub use lit::{LitStretch, SeenPane, SeenPanes, lit_stretches, weight_between};
 #[cfg(feature = "gpu")]
 pub(crate) use volume::{CellRay, Line};
 pub use volume::{

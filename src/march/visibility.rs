@@ -1,5 +1,7 @@
 //! The lit stretches of a ray, found through the min-max pyramid of the shadow map.
 
+use super::light_map::ViewRay;
+use super::texels::{grid_ray, inverse};
 use super::{Real, least, most};
 use crate::visibility::ShadowMap;
 
@@ -33,6 +35,19 @@ impl<F: Real> Joined<'_, F> {
                 }
             }
         }
+    }
+}
+
+/// A view ray in the texels and depths of a shadow map.
+pub(super) fn shadow_ray<'a, F: Real>(ray: &ViewRay, map: &'a ShadowMap) -> ShadowRay<'a, F> {
+    let [origin, slope] = grid_ray(ray, map.grid());
+    ShadowRay {
+        map,
+        origin: [F::of(origin.x), F::of(origin.y)],
+        slope: [F::of(slope.x), F::of(slope.y)],
+        inverse: [inverse(F::of(slope.x)), inverse(F::of(slope.y))],
+        depth: F::of(ray.origin.z - map.depth_origin()),
+        depth_slope: F::of(ray.direction.z),
     }
 }
 

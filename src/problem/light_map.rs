@@ -2,13 +2,12 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::colors::{Colors, seen_panes};
 use super::constraints::{RowRadiance, wished};
 use super::extents::fit_to;
 use super::fill::fill;
 use super::lit_texels::lit_texels;
-#[cfg(feature = "gpu")]
-use super::looked_for::on_gpu;
-use super::looked_for::{Nouns, explicit, on_host, row_of};
+use super::looked_for::{Nouns, explicit, row_of};
 use super::solved::not_finite;
 use super::surfaces::lengths;
 use super::surroundings::AllLight;
@@ -16,12 +15,13 @@ use super::{
     Constraint, Formulation, Lattice, Maps, Painting, Part, Problem, Solved, Start, Surfaces, Traced,
     Unskipped, constraints,
 };
+use crate::cpu::{HostOperator, Mixed};
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
-use crate::march::{FurtherWeights, LightMapTransport, LightMapTraversal, ViewRay};
+use crate::march::{FurtherWeights, LightMapTransport, LightMapTraversal, Real, ViewRay};
 use crate::operator::{CpuVector, OnHost, WalkPlan};
 #[cfg(feature = "gpu")]
-use crate::operator::{RowTable, Sum};
+use crate::operator::{HostRows, RowTable, Sum};
 use crate::scene::{
     Fade, Opacity, Quadrature, RegularizationWeight, Rgb, Scene, SolveSettings, Strategy, Target, luminance,
     rgb,
@@ -68,7 +68,7 @@ pub struct LightMapProblem {
     lit: Arc<[u32]>,
     /// What walking the rows will take.
     plan: WalkPlan,
-    grey: bool,
+    colors: Colors,
     /// Columns of each view's picture.
     widths: Vec<usize>,
 }
@@ -104,7 +104,9 @@ impl LightMapProblem {
                 ViewRay::new(&ray, length, &maps.frame, &scene.medium)
             })
             .collect();
-        let traversal = LightMapTraversal::new(transport(scene, &maps, scene.solve.quadrature), rays);
+        let panes = seen_panes(scene, geometry, &constraints, &lengths);
+        let transport = transport(scene, &maps, scene.solve.quadrature);
+        let traversal = LightMapTraversal::new(transport, rays).through_panes(panes);
         let start = scene.light.radiance;
         let (traversal, RowRadiance { known: known_radiance, plain, white }) =
             match AllLight::new(scene, &maps, &constraints, &hits, &traversal)? {
@@ -120,8 +122,8 @@ impl LightMapProblem {
             rgb(|c| wanted[c] - known[c])
         });
         let targets = targets.collect();
-        let grey = scene.medium.is_grey() && traversal.further_weights().is_none_or(|shown| shown.is_grey());
-        let plan = WalkPlan::of(&traversal, grey);
+        let colors = Colors::of(&traversal, geometry, scene.medium.is_grey());
+        let plan = WalkPlan::of(&traversal, colors.are_grey());
         let spreads = scene.solve.fade != Fade::Nowhere
             && scene.solve.regularization.gradient != RegularizationWeight::Relative(0.0);
         let lit = if spreads { lit_texels(scene, &maps) } else { Arc::default() };
@@ -141,7 +143,7 @@ impl LightMapProblem {
             further_start,
             lit,
             plan,
-            grey,
+            colors,
             widths: scene.views.iter().map(|view| view.camera.size()[0]).collect(),
         })
     }
@@ -235,6 +237,7 @@ impl LightMapProblem {
             rows.iter().map(|&row| values[row]).collect()
         }
         let traversal = self.traversal.picked(rows);
+        let colors = self.colors.picked(rows);
         Self {
             constraints: of(&self.constraints, rows),
             maps: self.maps.clone(),
@@ -246,7 +249,8 @@ impl LightMapProblem {
             further_start: self.further_start.clone(),
             lit: self.lit.clone(),
             widths: self.widths.clone(),
-            plan: WalkPlan::of(&traversal, self.grey),
+            plan: WalkPlan::of(&traversal, colors.are_grey()),
+            colors,
             traversal,
             ..*self
         }
@@ -254,7 +258,26 @@ impl LightMapProblem {
 
     /// The same problem along other rows of the same rays.
     fn along(&self, traversal: LightMapTraversal) -> Self {
-        Self { plan: WalkPlan::of(&traversal, self.grey), traversal, ..self.clone() }
+        Self { plan: WalkPlan::of(&traversal, self.is_grey()), traversal, ..self.clone() }
+    }
+
+    /// T on the processor.
+    fn on_host<F: Real>(
+        &self,
+        strategy: Strategy,
+        budget: u64,
+    ) -> Result<HostOperator<LightMapTraversal, F>> {
+        match &self.colors {
+            Colors::Some(colored) => {
+                let is_grey = |row: &usize| colored.binary_search(row).is_err();
+                let grey: Vec<usize> = (0..self.rows()).filter(is_grey).collect();
+                let parts = [&grey[..], colored].map(|rows| self.traversal.picked(rows));
+                Ok(HostOperator::Mixed(Mixed::new(parts, colored, strategy, budget)?))
+            }
+            colors => {
+                HostOperator::new(self.traversal.clone(), colors.are_grey(), &self.plan, strategy, budget)
+            }
+        }
     }
 }
 
@@ -277,7 +300,7 @@ impl Problem for LightMapProblem {
     }
 
     fn is_grey(&self) -> bool {
-        self.grey
+        self.colors.are_grey()
     }
 
     fn formulation(&self, settings: &SolveSettings) -> Result<Formulation<'_>> {
@@ -379,19 +402,19 @@ impl Problem for LightMapProblem {
     }
 
     fn replan(&mut self) {
-        self.plan = WalkPlan::of(&self.traversal, self.grey);
+        self.plan = WalkPlan::of(&self.traversal, self.is_grey());
     }
 
     fn row(&self, row: usize, visit: &mut dyn FnMut(usize, [f64; 3])) {
-        row_of(&self.traversal, self.grey, row, visit);
+        row_of(&self.traversal, self.is_grey(), row, visit);
     }
 
     fn on_cpu(&self, strategy: Strategy, budget: u64) -> Result<OnHost> {
-        on_host(&self.traversal, (self.grey, &self.plan), (strategy, budget))
+        Ok(Box::new(self.on_host::<f32>(strategy, budget)?))
     }
 
     fn wide(&self, strategy: Strategy) -> Result<OnHost<f64>> {
-        on_host(&self.traversal, (self.grey, &self.plan), (strategy, u64::MAX))
+        Ok(Box::new(self.on_host::<f64>(strategy, u64::MAX)?))
     }
 
     /// All rows are kept where that is possible. Else the texels along the rays are walked, and the further weights are kept.
@@ -401,16 +424,29 @@ impl Problem for LightMapProblem {
     fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, budget: u64, deterministic: bool) -> Result<GpuOperator> {
         check_brightness(gpu, self.start)?;
         let walked = || -> Result<Box<dyn DeviceOperator>> {
-            let walked = Walked::light_map(gpu, &self.traversal, !self.grey, deterministic)?;
-            let Some(beside) = self.traversal.further_rows() else { return Ok(Box::new(walked)) };
-            let beside = Kept::new(gpu, RowTable::walked(&beside, self.grey), self.elements())?;
+            let Some(beside) = self.traversal.beside() else {
+                return Ok(Box::new(Walked::light_map(
+                    gpu,
+                    &self.traversal,
+                    !self.is_grey(),
+                    deterministic,
+                )?));
+            };
+            let is_colored = matches!(self.colors, Colors::All);
+            let walked = self.traversal.before_panes();
+            let walked = Walked::light_map(gpu, &walked, is_colored, deterministic)?;
+            let beside = Kept::new(gpu, RowTable::walked(&beside, self.is_grey()), self.elements())?;
             Ok(Box::new(Sum::new(walked, beside)?))
         };
-        on_gpu(&self.traversal, (self.grey, &self.plan), gpu, (strategy, budget), &walked)
+        let on_host = |strategy| -> Result<Box<dyn HostRows>> {
+            Ok(Box::new(self.on_host::<f32>(strategy, u64::MAX)?))
+        };
+        let channels = if self.is_grey() { 1 } else { 3 };
+        GpuOperator::new(gpu, (&self.plan, channels), (strategy, budget), &on_host, &walked)
     }
 
     fn explicit(&self, most: u64) -> Result<ExplicitMatrix> {
-        explicit(&self.traversal, self.grey, most)
+        explicit(&self.traversal, self.is_grey(), most)
     }
 
     fn candidates(&self) -> usize {
@@ -423,7 +459,7 @@ impl Problem for LightMapProblem {
         let weights = FurtherWeights::bytes(self.rows(), self.further_start.len());
         // Numbers of lit texels, and cells over them.
         let joined = if self.lit.is_empty() { 0 } else { JOINED * self.maps.light_map.len() };
-        (texels * ShadowMap::TEXEL + joined) as u64
+        (texels * ShadowMap::bytes_a_texel(self.maps.geometry.mesh()) + joined) as u64
             + if self.further_start.is_empty() { 0 } else { 3 * weights }
     }
 
@@ -441,6 +477,15 @@ impl Problem for LightMapProblem {
         let [width, height] = self.maps.shadow_map.grid().size;
         for k in 0..width * height {
             add(self.maps.shadow_map.depth(k % width, k / width).to_bits().into());
+            let behind = self.maps.shadow_map.behind().into_iter();
+            for pane in behind.flat_map(|behind| behind.panes(k % width, k / width)) {
+                pane.passes.iter().chain([&pane.depth]).for_each(|number| add(number.to_bits().into()));
+            }
+        }
+        for row in 0..self.rows() {
+            for pane in self.traversal.seen_by(row) {
+                pane.passes.iter().chain([&pane.distance]).for_each(|number| add(number.to_bits()));
+            }
         }
         self.traversal.transport().sigma_t.iter().for_each(|number| add(number.to_bits()));
         self.lit.iter().for_each(|&texel| add(texel.into()));

@@ -2,6 +2,7 @@
 
 mod assess;
 mod cells;
+mod colors;
 mod constraints;
 mod diffusion;
 mod evenly;

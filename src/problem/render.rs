@@ -6,7 +6,7 @@ use super::Maps;
 use super::light_map::transport;
 use super::surroundings::{Corners, Seen};
 use crate::cpu;
-use crate::march::{LightMapTraversal, LitRay, ViewRay};
+use crate::march::{LightMapTraversal, LitRay, SeenPanes, ViewRay};
 use crate::scene::{Image, Rgb, Scene, rgb};
 use crate::visibility::ShadowMap;
 use crate::{Error, Result};
@@ -130,14 +130,15 @@ fn render_pixels(
 ) -> Vec<[Rgb; 2]> {
     let rays: Arc<[ViewRay]> = seen
         .iter()
-        .map(|Seen { ray, hit }| {
+        .map(|Seen { ray, hit, .. }| {
             let length = hit.map_or(f64::INFINITY, |hit| hit.distance);
             ViewRay::new(ray, length, &maps.frame, &scene.medium)
         })
         .collect();
     let mut transport = transport(scene, maps, scene.solve.quadrature);
     transport.mask = changed.map(|changed| changed.mask.clone());
-    let traversal = LightMapTraversal::new(transport, rays);
+    let panes = SeenPanes::new(seen.iter().map(|seen| &seen.panes[..]));
+    let traversal = LightMapTraversal::new(transport, rays).through_panes(panes);
     let start = scene.light.radiance;
     let sky = scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()).map_or(&[][..], |sky| &sky.start);
     (0..seen.len())
@@ -214,7 +215,7 @@ impl OfSky {
 }
 
 fn gather(scene: &Scene, row: &LitRay, texels: &[Rgb]) -> Rgb {
-    if scene.medium.is_grey() {
+    if scene.medium.is_grey() && row.is_grey() {
         cpu::gather::<f32, 1>(row, 0, texels)
     } else {
         cpu::gather::<f32, 3>(row, 0, texels)

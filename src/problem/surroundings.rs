@@ -7,21 +7,34 @@ use rayon::prelude::*;
 
 use super::constraints::RowRadiance;
 use super::{Constraint, Maps};
-use crate::march::{FurtherWeights, LightMapTraversal, Reflected, ViewRay, weight_between};
+use crate::march::{FurtherWeights, LightMapTraversal, Reflected, SeenPane, ViewRay, weight_between};
 use crate::scene::{Basis, Grid, Ray, Rgb, Scene, luminance, rgb};
-use crate::visibility::Hit;
+use crate::visibility::{Geometry, Hit};
 use crate::{Error, Result};
 
-/// A view ray and the first surface on it.
-#[derive(Debug, Clone, Copy)]
+/// A view ray, the first solid surface on it, and the panes before that.
+#[derive(Debug, Clone)]
 pub(super) struct Seen {
     pub(super) ray: Ray,
     pub(super) hit: Option<Hit>,
+    pub(super) panes: Vec<SeenPane>,
 }
 
 impl Seen {
     pub(super) fn along(maps: &Maps, ray: Ray) -> Self {
-        Self { ray, hit: maps.geometry.first_hit(&ray, f64::INFINITY) }
+        let hit = maps.geometry.first_hit(&ray, f64::INFINITY);
+        Self::up_to(&maps.geometry, ray, hit)
+    }
+
+    /// Where the surface has been found already.
+    pub(super) fn up_to(geometry: &Geometry, ray: Ray, hit: Option<Hit>) -> Self {
+        let length = hit.map_or(f64::INFINITY, |hit| hit.distance);
+        Self { ray, hit, panes: SeenPane::through(&geometry.panes(&ray, length)) }
+    }
+
+    /// What passes of light from the surface through all panes.
+    fn passes(&self) -> [f64; 3] {
+        self.panes.last().map_or([1.0; 3], |pane| pane.passes)
     }
 
     /// The point of the surface, and its radiance towards the eye per radiance of light that comes over one steradian from a
@@ -34,20 +47,32 @@ impl Seen {
         }
         let point = self.ray.at(hit.distance);
         let origin = hit.lifted(point, hit.distance);
-        if maps.geometry.blocks(&Ray { origin, direction: towards }, f64::INFINITY) {
+        let arriving = maps.geometry.transmittance(&Ray { origin, direction: towards }, f64::INFINITY);
+        if arriving == [0.0; 3] {
             return None;
         }
-        let transmittance = scene.medium.transmittance(hit.distance);
-        Some((point, rgb(|c| (f64::from(hit.albedo[c]) * cosine / PI * transmittance[c]) as f32)))
+        let (transmittance, passes) = (scene.medium.transmittance(hit.distance), self.passes());
+        let on_the_way = |c: usize| transmittance[c] * passes[c] * f64::from(arriving[c]);
+        Some((point, rgb(|c| (f64::from(hit.albedo[c]) * cosine / PI * on_the_way(c)) as f32)))
     }
 
     /// Radiance of medium and surface per radiance of light that is the same from everywhere and meets nothing on its way.
     pub(super) fn of_ambient(&self, scene: &Scene) -> Rgb {
         let transmittance = self.hit.map_or([0.0; 3], |hit| scene.medium.transmittance(hit.distance));
+        // A pane takes away a part of all that is behind it.
+        let taken = |c: usize| {
+            let mut before = 1.0;
+            let taken = self.panes.iter().map(|pane| {
+                let behind = scene.medium.transmittance(pane.distance)[c] - transmittance[c];
+                (std::mem::replace(&mut before, pane.passes[c]) - pane.passes[c]) * behind
+            });
+            taken.sum::<f64>()
+        };
+        let passes = self.passes();
         rgb(|c| {
-            let surface = self.hit.map_or(0.0, |hit| hit.albedo[c]);
+            let surface = self.hit.map_or(0.0, |hit| passes[c] as f32 * hit.albedo[c]);
             let medium = scene.medium.albedo[c] as f32;
-            medium + transmittance[c] as f32 * (surface - medium)
+            medium * (1.0 - taken(c) as f32) + transmittance[c] as f32 * (surface - medium)
         })
     }
 
@@ -68,7 +93,8 @@ impl Seen {
         let end = length.min(scene.medium.reach(scene.solve.transmittance_bound));
         for beam in maps.sky.iter().filter(|beam| is_asked_for(beam.light)) {
             let ray = ViewRay::new(&self.ray, length, &beam.frame, &scene.medium);
-            let scattered = weight_between(&ray, scene.medium.sigma_t, &beam.shadow_map, [0.0, end]);
+            let scattered =
+                weight_between(&ray, &self.panes, scene.medium.sigma_t, &beam.shadow_map, [0.0, end]);
             let reflected = self.reflected(scene, maps, beam.towards).map_or([0.0; 3], |(_, share)| share);
             for c in 0..3 {
                 weights[beam.light][c] += beam.solid_angle * (scattered[c] + f64::from(reflected[c]));
@@ -163,7 +189,7 @@ impl AllLight {
             .enumerate()
             .map(|(row, (pixel, &hit))| {
                 let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
-                RowLight::new(scene, maps, &Seen { ray, hit }, traversal, row, &start)
+                RowLight::new(scene, maps, &Seen::up_to(&maps.geometry, ray, hit), traversal, row, &start)
             })
             .collect();
         let is_seen = |of: std::ops::Range<usize>| {

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 
-use super::Rgb;
+use super::{Glass, Rgb};
 use crate::{Error, Result};
 
 /// How texture coordinates beyond [0, 1] are read.
@@ -63,7 +63,7 @@ impl AlphaMask {
 }
 
 /// The two pixels around a texture coordinate, and how far it is from the first towards the second.
-fn neighbours(coordinate: f64, size: usize, wrap: Wrap) -> ([usize; 2], f64) {
+pub(super) fn neighbours(coordinate: f64, size: usize, wrap: Wrap) -> ([usize; 2], f64) {
     // A whole number of periods is taken off first, so that no coordinate is too large for an integer.
     let period = match wrap {
         Wrap::Repeat => 1.0,
@@ -98,6 +98,23 @@ pub struct Material {
     pub albedo: Rgb,
     /// Holes in it.
     pub mask: Option<Arc<AlphaMask>>,
+    /// What of it lets light through; none where it is solid all over.
+    pub glass: Option<Glass>,
+}
+
+impl Material {
+    /// Whether what is there depends on texture coordinates.
+    pub fn has_pictures(&self) -> bool {
+        self.mask.is_some() || self.glass.as_ref().is_some_and(|glass| glass.picture.is_some())
+    }
+
+    /// What of light passes at the texture coordinates (u, v) of a surface: zeros where it is solid, ones where it has a hole.
+    pub fn passes(&self, coordinates: [f64; 2]) -> Rgb {
+        if self.mask.as_ref().is_some_and(|mask| !mask.is_there(coordinates)) {
+            return [1.0; 3];
+        }
+        self.glass.as_ref().map_or([0.0; 3], |glass| glass.at(coordinates))
+    }
 }
 
 /// What a triangle is part of: a built-in shape, a node of a glTF file, an object or a group of an OBJ file.
@@ -169,6 +186,9 @@ impl Mesh {
             if let Some(mask) = &material.mask {
                 mask.validate().map_err(|error| error.inside(&format!("materials[{index}]")))?;
             }
+            if let Some(glass) = &material.glass {
+                glass.validate().map_err(|error| error.inside(&format!("materials[{index}]")))?;
+            }
         }
         Ok(())
     }
@@ -181,8 +201,8 @@ impl Mesh {
         if let Some(vertex) = self.positions.iter().position(|p| !p.is_finite()) {
             return Err(Error::value(format!("positions[{vertex}]"), self.positions[vertex], "finite"));
         }
-        // Coordinates are only read where there are masks, and files of opaque things carry broken ones.
-        let masked = self.materials.iter().any(|material| material.mask.is_some());
+        // Coordinates are only read where there are pictures, and files of opaque things carry broken ones.
+        let masked = self.materials.iter().any(Material::has_pictures);
         let broken = self.coordinates.iter().position(|c| !c.iter().all(|c| c.is_finite()));
         match broken.filter(|_| masked) {
             Some(vertex) => Err(Error::NonFinite {
@@ -260,7 +280,7 @@ mod tests {
             coordinates: vec![[0.0; 2]; 3],
             triangles: vec![[0, 1, 2]],
             material_of: vec![0],
-            materials: vec![Material { name: None, albedo: [0.25; 3], mask: None }],
+            materials: vec![Material { name: None, albedo: [0.25; 3], mask: None, glass: None }],
             object_of: vec![0],
             objects: vec![Object { name: Some("one".to_owned()), occluder: 0 }],
         };

@@ -94,7 +94,7 @@ impl Primitive {
             return Err(Error::value("size", p, "small enough for finite corners"));
         }
         mesh.material_of = vec![0; mesh.triangles.len()];
-        mesh.materials = vec![Material { name: None, albedo, mask: None }];
+        mesh.materials = vec![Material { name: None, albedo, mask: None, glass: None }];
         mesh.object_of = vec![0; mesh.triangles.len()];
         mesh.objects = vec![Object::default()];
         Ok(mesh)

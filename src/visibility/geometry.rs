@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::hierarchy::Hierarchy;
 use super::triangle::Probe;
-use crate::scene::{LightFrame, Mesh, Ray, Rgb};
+use crate::scene::{Glass, LightFrame, Material, Mesh, Ray, Rgb, rgb};
 use crate::{Error, Result};
 
 /// Triangles with a bounding volume hierarchy over them.
@@ -14,14 +14,35 @@ use crate::{Error, Result};
 ///
 /// Intersections are computed in f64 and are watertight: a ray does not pass between two triangles that share
 /// an edge or a vertex. Both sides of a triangle are hit.
+///
+/// Panes, which let light through ([`crate::scene::Glass`]), have a hierarchy of their own: they cost a scene without them nothing.
 #[derive(Debug)]
 pub struct Geometry {
     mesh: Arc<Mesh>,
-    hierarchy: Option<Hierarchy>,
-    masked: bool,
+    solid: Option<Hierarchy>,
+    panes: Option<Hierarchy>,
+    /// Whether a picture says where some surface is.
+    has_pictures: bool,
 }
 
-/// The first surface on a ray.
+/// A surface on a ray that lets light through.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pane {
+    /// Distance along the ray in metres.
+    pub distance: f64,
+    /// What passes of light, a share a channel.
+    pub transmittance: Rgb,
+    /// Which triangle it is, an index into [`Mesh::triangles`].
+    pub triangle: usize,
+}
+
+impl Pane {
+    /// Two triangles of one material are one surface where a ray meets them so close to each other, as a share of the distance: on their
+    /// common edge.
+    const SAME: f64 = 1e-9;
+}
+
+/// The first solid surface on a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// Distance along the ray in metres.
@@ -56,10 +77,17 @@ impl Geometry {
         Self::check(&mesh)?;
         let all = mesh.triangles.iter().enumerate();
         let all = all.map(|(index, &triangle)| (index as u32, corners(&mesh, triangle)));
-        let solid: Vec<_> = all.filter(|(_, corners)| has_area(corners)).collect();
-        let hierarchy = Hierarchy::new(&solid);
-        let masked = mesh.materials.iter().any(|material| material.mask.is_some());
-        Ok(Self { mesh, hierarchy, masked })
+        let all: Vec<_> = all.filter(|(_, corners)| has_area(corners)).collect();
+        let of = |is_of: &dyn Fn(Option<&Glass>) -> bool| {
+            let is_of: Vec<bool> =
+                mesh.materials.iter().map(|material| is_of(material.glass.as_ref())).collect();
+            let picked = all.iter().filter(|(index, _)| is_of[mesh.material_of[*index as usize] as usize]);
+            Hierarchy::new(&picked.copied().collect::<Vec<_>>())
+        };
+        let solid = of(&|glass| glass.is_none_or(Glass::has_solid_places));
+        let panes = of(&|glass| glass.is_some_and(Glass::colors));
+        let has_pictures = mesh.materials.iter().any(Material::has_pictures);
+        Ok(Self { mesh, solid, panes, has_pictures })
     }
 
     /// Whether a hierarchy can be built over a mesh; nothing is built for it.
@@ -80,12 +108,24 @@ impl Geometry {
     /// Whether there is no surface at all.
     #[inline]
     pub fn is_open(&self) -> bool {
-        self.hierarchy.is_none()
+        self.solid.is_none() && self.panes.is_none()
+    }
+
+    /// Whether some surface lets light through.
+    #[inline]
+    pub fn has_panes(&self) -> bool {
+        self.panes.is_some()
+    }
+
+    /// Whether all panes let all channels through alike; so where there are none.
+    pub fn is_grey(&self) -> bool {
+        self.mesh.materials.iter().filter_map(|material| material.glass.as_ref()).all(Glass::is_grey)
     }
 
     /// The corners of the smallest box around everything; none for open air.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
-        self.hierarchy.as_ref().map(Hierarchy::bounds)
+        let each = [&self.solid, &self.panes].into_iter().flatten().map(Hierarchy::bounds);
+        each.reduce(|[low, high], [other_low, other_high]| [low.min(other_low), high.max(other_high)])
     }
 
     /// Least and largest depth of everything along a light, in metres; none for open air.
@@ -96,15 +136,63 @@ impl Geometry {
         })
     }
 
-    /// The first surface after the origin and before `limit` metres, holes of alpha masks passed through.
+    /// The first solid surface after the origin and before `limit` metres, panes and holes of alpha masks passed through.
     ///
     /// Where several triangles lie at the same distance it is the one that comes first in the mesh. A ray that
     /// is not finite hits nothing.
     pub fn first_hit(&self, ray: &Ray, limit: f64) -> Option<Hit> {
-        let hierarchy = self.hierarchy.as_ref()?;
+        let hierarchy = self.solid.as_ref()?;
         let (distance, triangle) =
-            hierarchy.first(ray, limit, |index, weights| self.is_there(index, weights))?;
+            hierarchy.first(ray, limit, |index, weights| self.is_solid(index, weights))?;
         Some(self.hit_at(ray, distance, triangle))
+    }
+
+    /// The panes after the origin and before `limit` metres, in the order in which the ray meets them. The two sides of a body are one
+    /// pane, where the ray meets the first of them: a window that is a flat box colours light as one that is a rectangle.
+    pub fn panes(&self, ray: &Ray, limit: f64) -> Vec<Pane> {
+        let Some(hierarchy) = &self.panes else { return Vec::new() };
+        let mut panes = Vec::new();
+        hierarchy.each(ray, limit, |distance, triangle, weights| {
+            let transmittance = self.mesh.material(triangle).passes(self.coordinates(triangle, weights));
+            if transmittance != [0.0; 3] && transmittance != [1.0; 3] {
+                panes.push(Pane { distance, transmittance, triangle });
+            }
+        });
+        panes.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.triangle.cmp(&b.triangle)));
+        let of = |pane: &Pane| [self.mesh.object_of[pane.triangle], self.mesh.material_of[pane.triangle]];
+        panes.dedup_by(|later, earlier| {
+            let apart = later.distance - earlier.distance;
+            apart <= Pane::SAME * earlier.distance && of(later) == of(earlier)
+        });
+        // Sides that have been met and not yet their other sides.
+        let mut met: Vec<([u32; 2], bool)> = Vec::new();
+        panes.retain(|pane| {
+            let normal = normal(&corners(&self.mesh, self.mesh.triangles[pane.triangle]));
+            let is_front = normal.dot(ray.direction) < 0.0;
+            let other = met.iter().position(|&side| side == (of(pane), !is_front));
+            match other {
+                Some(other) => _ = met.swap_remove(other),
+                None => met.push((of(pane), is_front)),
+            }
+            other.is_none()
+        });
+        panes
+    }
+
+    /// What passes of light on a ray after its origin and before `limit` metres: zeros where a solid surface is in between.
+    pub fn transmittance(&self, ray: &Ray, limit: f64) -> Rgb {
+        if self.blocks(ray, limit) {
+            return [0.0; 3];
+        }
+        let panes = self.panes(ray, limit);
+        panes.iter().fold([1.0; 3], |passed, pane| rgb(|c| passed[c] * pane.transmittance[c]))
+    }
+
+    /// The first surface after the origin and before `limit` metres, whether it is solid or a pane.
+    pub fn first_surface(&self, ray: &Ray, limit: f64) -> Option<Hit> {
+        let hit = self.first_hit(ray, limit);
+        let pane = self.panes(ray, hit.map_or(limit, |hit| hit.distance)).into_iter().next();
+        pane.map(|pane| self.hit_at(ray, pane.distance, pane.triangle)).or(hit)
     }
 
     fn hit_at(&self, ray: &Ray, distance: f64, triangle: usize) -> Hit {
@@ -114,37 +202,41 @@ impl Geometry {
         Hit { distance, normal, albedo, triangle }
     }
 
-    /// Where a ray meets one triangle, by its index in the mesh; none where it misses it or passes a hole, and for a
-    /// triangle without area.
+    /// Where a ray meets one triangle, by its index in the mesh; none where it misses it or passes a hole or a pane, and for
+    /// a triangle without area.
     pub fn hit_on(&self, ray: &Ray, triangle: usize) -> Option<Hit> {
         let corners = corners(&self.mesh, *self.mesh.triangles.get(triangle)?);
         let meeting = Probe::new(ray).meet(&corners)?;
-        let there = meeting.distance > 0.0 && has_area(&corners) && self.is_there(triangle, &meeting.weights);
+        let there = meeting.distance > 0.0 && has_area(&corners) && self.is_solid(triangle, &meeting.weights);
         there.then(|| self.hit_at(ray, meeting.distance, triangle))
     }
 
-    /// Whether anything lies on the ray after its origin and before `limit` metres.
+    /// Whether anything solid lies on the ray after its origin and before `limit` metres.
     pub fn blocks(&self, ray: &Ray, limit: f64) -> bool {
-        self.hierarchy.as_ref().is_some_and(|hierarchy| {
-            hierarchy.any(ray, limit, |index, weights| self.is_there(index, weights))
+        self.solid.as_ref().is_some_and(|hierarchy| {
+            hierarchy.any(ray, limit, |index, weights| self.is_solid(index, weights))
         })
     }
 
-    /// Whether a triangle has no hole at the point with these weights of its corners.
+    /// Whether a triangle has no hole and is no pane at the point with these weights of its corners.
     #[inline]
-    fn is_there(&self, index: usize, weights: &[f64; 3]) -> bool {
-        if !self.masked {
+    fn is_solid(&self, index: usize, weights: &[f64; 3]) -> bool {
+        if !self.has_panes() && !self.has_pictures {
             return true;
         }
-        let Some(mask) = &self.mesh.material(index).mask else {
-            return true;
-        };
+        let material = self.mesh.material(index);
+        let is_plain = material.glass.is_none() && material.mask.is_none();
+        is_plain || material.passes(self.coordinates(index, weights)) == [0.0; 3]
+    }
+
+    /// The texture coordinates at the point of a triangle with these weights of its corners.
+    fn coordinates(&self, triangle: usize, weights: &[f64; 3]) -> [f64; 2] {
         let mut at = [0.0; 2];
-        for (vertex, weight) in self.mesh.triangles[index].iter().zip(weights) {
+        for (vertex, weight) in self.mesh.triangles[triangle].iter().zip(weights) {
             let [u, v] = self.mesh.coordinates[*vertex as usize].map(f64::from);
             at = [at[0] + weight * u, at[1] + weight * v];
         }
-        mask.is_there(at)
+        at
     }
 }
 

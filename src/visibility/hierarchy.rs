@@ -81,6 +81,17 @@ impl Hierarchy {
         best
     }
 
+    /// Visits all triangles before `limit` in any order: distance, index, weights of the corners.
+    pub(super) fn each(&self, ray: &Ray, limit: f64, mut visit: impl FnMut(f64, usize, &[f64; 3])) {
+        let Some(entry) = self.enter(ray, limit) else { return };
+        self.tree.ray_traverse(entry.boxes, &mut RayHit::none(), |_, leaf| {
+            if let Some((distance, meeting)) = self.meet(&entry, leaf, limit) {
+                visit(distance, self.indices[leaf] as usize, &meeting.weights);
+            }
+            f32::INFINITY
+        });
+    }
+
     /// Whether there is any triangle before `limit` for which `is_there`.
     pub(super) fn any(&self, ray: &Ray, limit: f64, is_there: impl Fn(usize, &[f64; 3]) -> bool) -> bool {
         let Some(entry) = self.enter(ray, limit) else { return false };

@@ -9,5 +9,5 @@ mod hierarchy;
 mod shadow_map;
 mod triangle;
 
-pub use geometry::{Geometry, Hit};
-pub use shadow_map::ShadowMap;
+pub use geometry::{Geometry, Hit, Pane};
+pub use shadow_map::{Behind, PaneDepth, ShadowMap};

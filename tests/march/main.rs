@@ -7,6 +7,7 @@
 )]
 #![allow(missing_docs, unreachable_pub, reason = "nothing here is public")]
 
+mod glass;
 mod light_map;
 mod refraction;
 #[path = "../scenes/mod.rs"]

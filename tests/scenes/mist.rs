@@ -13,6 +13,7 @@ const SCENE: &str = r##"{
     "occluders": [
         {"box": {"center": [-0.5, 3.5, 0], "size": [4, 0.3, 3], "albedo": 0.6}},
         {"box": {"center": [1.5, 0.5, 1], "size": [1, 1, 1], "albedo": BLOCK}},
+        PANES
         {"plane": {"center": [0, 0, 0], "sides": [[0, 0, 14], [14, 0, 0]], "albedo": 0.5}}
     ],
     "views": [
@@ -35,21 +36,32 @@ pub struct Case {
     pub basis: &'static str,
     pub target: &'static str,
     pub block: &'static str,
+    pub panes: &'static str,
 }
 
+/// One on the way of the light, and one before the eye of a view and on the way of the light.
+const PANES: &str = r#"
+    {"plane": {"center": [2.2, 3.4, 0], "sides": [[0, 0, 3], [1.6, 0, 0]], "transmittance": [0.9, 0.3, 0.1]}},
+    {"box": {"center": [-3, 2, 1], "size": [0.1, 2.5, 3], "transmittance": [0.2, 0.5, 0.8]}},"#;
 const DISCS: &str = r#"{"sun": true, "environment": {"radiance": [0.1, 0.12, 0.2], "shadow_map": 512,
     "lights": {"count": 9, "over": "upper-hemisphere", "samples": 2}}}"#;
-pub const CASES: [Case; 4] = [
-    Case { surroundings: DISCS, basis: "bilinear", target: "radiance", block: "[0.8, 0.3, 0.2]" },
-    Case { surroundings: DISCS, basis: "nearest", target: "tint", block: "0.3" },
-    Case { surroundings: r#"{"sun": true}"#, basis: "bilinear", target: "tint", block: "0.3" },
+pub const CASES: [Case; 5] = [
+    Case { surroundings: DISCS, basis: "bilinear", target: "radiance", block: "[0.8, 0.3, 0.2]", panes: "" },
+    Case { surroundings: DISCS, basis: "nearest", target: "tint", block: "0.3", panes: "" },
+    Case { surroundings: r#"{"sun": true}"#, basis: "bilinear", target: "tint", block: "0.3", panes: "" },
     Case {
         surroundings: r#"{"environment": {"lights": {"map": [5, 4]}, "shadow_map": 64}}"#,
         basis: "bilinear",
         target: "radiance",
         block: "[0.1, 0.9, 0.2]",
+        panes: "",
     },
+    Case { surroundings: DISCS, basis: "bilinear", target: "radiance", block: "0.3", panes: PANES },
 ];
+
+/// The same without anything around it, so that rows are those of light shafts alone.
+pub const SHAFTS: Case =
+    Case { surroundings: "null", basis: "nearest", target: "tint", block: "0.3", panes: PANES };
 
 pub fn scene_of(case: &Case) -> Scene {
     scaled(case, 1)
@@ -61,7 +73,8 @@ pub fn scaled(case: &Case, by: usize) -> Scene {
         .replace("SURROUNDINGS", case.surroundings)
         .replace("BASIS", case.basis)
         .replace("TARGET", case.target)
-        .replace("BLOCK", case.block);
+        .replace("BLOCK", case.block)
+        .replace("PANES", case.panes);
     let mut document: Value = serde_json::from_str(&text).unwrap();
     for view in document["views"].as_array_mut().unwrap() {
         multiply(&mut view["camera"]["size"], by);

@@ -9,9 +9,9 @@ pub mod volume;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use unscatter::march::{LightMapTransport, LightMapTraversal, ViewRay};
+use unscatter::march::{LightMapTransport, LightMapTraversal, SeenPane, SeenPanes, ViewRay};
 use unscatter::scene::{Basis, Extent, Grid, Quadrature};
-use unscatter::visibility::ShadowMap;
+use unscatter::visibility::{PaneDepth, ShadowMap};
 
 /// The same numbers in every run.
 pub struct Numbers(pub u64);
@@ -103,4 +103,39 @@ pub fn kept_rows<const C: usize>(
         table.offsets.push(table.elements.len());
     }
     table
+}
+
+/// The same rays through panes: some before the surfaces of the shadow map, coloured or grey, and some before the eyes.
+pub fn through_panes(rows: &LightMapTraversal, seed: u64) -> LightMapTraversal {
+    let mut n = Numbers(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+    let share = |n: &mut Numbers| if n.next().is_multiple_of(4) { 0.0 } else { n.uniform(0.1, 0.9) };
+    let passes = |n: &mut Numbers| [(); 3].map(|()| share(n));
+    let shadow_map = (*rows.transport().shadow_map).clone();
+    let mut columns = Vec::new();
+    for texel in 0..shadow_map.grid().len() {
+        let pane = |n: &mut Numbers| PaneDepth {
+            depth: n.uniform(-1.5, 1.5) as f32,
+            passes: passes(n).map(|share| share as f32),
+        };
+        let count = n.next() as usize % 4;
+        if count > 0 {
+            columns.push((texel, (0..count).map(|_| pane(&mut n)).collect()));
+        }
+    }
+    let seen: Vec<Vec<SeenPane>> = (0..rows.rays().len())
+        .map(|_| {
+            let mut distances: Vec<f64> = (0..n.next() % 3).map(|_| n.uniform(0.0, 2.0)).collect();
+            distances.sort_by(f64::total_cmp);
+            let mut all = [1.0; 3];
+            let pane = |distance| {
+                let passes = passes(&mut n);
+                all = std::array::from_fn(|c| all[c] * passes[c]);
+                SeenPane { distance, passes: all }
+            };
+            distances.into_iter().map(pane).collect()
+        })
+        .collect();
+    let shadow_map = Arc::new(shadow_map.with_panes(columns).unwrap());
+    rows.through(LightMapTransport { shadow_map, ..rows.transport().clone() })
+        .through_panes(SeenPanes::new(seen.iter().map(|row| &row[..])))
 }

@@ -10,7 +10,7 @@ use crate::tolerances::ADJOINT_F32;
 
 /// One of each kind, and what it is.
 fn each(mut check: impl FnMut(&str, &dyn Problem)) {
-    for case in &mist::CASES {
+    for case in mist::CASES.iter().chain([&mist::SHAFTS]) {
         check(&format!("{case:?}"), &LightMapProblem::new(&mist::scene_of(case)).unwrap());
     }
     let cloud = Cloud::seen_twice(false, Interpolation::Trilinear).shrunk(16);

@@ -1,13 +1,13 @@
-//! Base colour and alpha of materials.
+//! Base colour and alpha of materials, and what they let through.
 
 use gltf_json::Index;
 use gltf_json::image::Image;
 use gltf_json::material::{AlphaMode, Material as JsonMaterial};
 use gltf_json::texture::{Info, Texture, WrappingMode};
 use gltf_json::validation::Checked;
-use serde_json::Value;
 
 use super::file::GltfFile;
+use super::glass::Transmission;
 use super::picture::Pictures;
 use crate::Result;
 use crate::io::cutout::Cutoff;
@@ -17,10 +17,8 @@ use crate::scene::{Material, Wrap};
 #[derive(Debug, Clone)]
 pub(super) struct Surface {
     pub(super) material: Material,
-    /// The surface is nowhere: its alpha is below its cut-off everywhere.
+    /// The surface is nowhere: its alpha is below its cut-off everywhere, or lets all through.
     pub(super) is_invisible: bool,
-    /// Light goes through what it is made of, which nothing here does.
-    pub(super) is_glass: bool,
     pub(super) coordinates: Coordinates,
 }
 
@@ -41,7 +39,7 @@ impl Default for Coordinates {
 }
 
 impl Coordinates {
-    fn of(texture: &Info) -> Self {
+    pub(super) fn of(texture: &Info) -> Self {
         let plain = Self { set: texture.tex_coord, ..Self::default() };
         let transform = texture.extensions.as_ref().and_then(|all| all.texture_transform.as_ref());
         transform.map_or(plain, |transform| Self {
@@ -61,7 +59,7 @@ impl Coordinates {
 }
 
 /// Reads a material; the default one for none. `sets` are the texture coordinates that there are; a texture
-/// without its set cannot be placed, and is no mask.
+/// without its set cannot be placed, and is neither a mask nor glass.
 pub(super) fn read(
     file: &GltfFile,
     pictures: &Pictures,
@@ -78,12 +76,37 @@ pub(super) fn read(
         let name = json.name.as_deref().unwrap_or("without a name");
         return Err(file.broken(format!("the base colour of material {name} is {factor:?}")));
     }
+    let mut surface = opaque(file, pictures, (json, factor), texture, sets)?;
+    let transmission = Transmission::of(file, json)?;
+    if surface.is_invisible || !transmission.is_something() {
+        return Ok(surface);
+    }
+    let color = [0, 1, 2].map(|c| surface.material.albedo[c]);
+    let mut even = transmission.even([color[0], color[1], color[2], factor[3]]);
+    // A mask says where the glass is. It is placed already.
+    if surface.material.mask.is_none()
+        && let Some((glass, coordinates)) = transmission.pictured((file, pictures), factor, texture, sets)?
+    {
+        (even, surface.coordinates) = (glass, coordinates);
+    }
+    surface.is_invisible = even.picture.is_none() && even.at([0.0; 2]) == [1.0; 3];
+    surface.material.glass = even.colors().then_some(even);
+    Ok(surface)
+}
+
+/// A material through which nothing passes but through holes.
+fn opaque(
+    file: &GltfFile,
+    pictures: &Pictures,
+    (json, factor): (&JsonMaterial, [f32; 4]),
+    texture: Option<&Info>,
+    sets: &[u32],
+) -> Result<Surface> {
     let cutoff = cutoff(json).map(|cutoff| Cutoff::new(cutoff, factor[3]));
     let color = [factor[0], factor[1], factor[2]];
     let opaque = |albedo| Surface {
-        material: Material { name: json.name.clone(), albedo, mask: None },
+        material: Material { name: json.name.clone(), albedo, mask: None, glass: None },
         is_invisible: cutoff.is_some_and(Cutoff::leaves_nothing),
-        is_glass: is_glass(json),
         coordinates: Coordinates::default(),
     };
     let Some(info) = texture else { return Ok(opaque(color)) };
@@ -95,7 +118,8 @@ pub(super) fn read(
         cutoff.filter(|&cutoff| !cutoff.leaves_nothing() && sets.contains(&coordinates.set));
     let Some(image) = image(file, texture)? else {
         let kinds = "only PNG, JPEG and WebP are read; export the textures as PNG";
-        if could_have_holes.is_some() {
+        let blends = json.alpha_mode == Checked::Valid(AlphaMode::Blend);
+        if could_have_holes.is_some() || blends && sets.contains(&coordinates.set) {
             return Err(file.broken(format!("the picture with the holes of a surface is missing; {kinds}")));
         }
         file.warn(format!(
@@ -127,24 +151,17 @@ fn base(material: &JsonMaterial) -> ([f32; 4], Option<&Info>) {
     }
 }
 
-fn is_glass(material: &JsonMaterial) -> bool {
-    let extension = |name| material.extensions.as_ref().and_then(|all| all.others.get(name));
-    let factor = extension("KHR_materials_transmission").and_then(|all| all.get("transmissionFactor"));
-    factor.and_then(Value::as_f64).is_some_and(|factor| factor > 0.0)
-}
-
 /// The alpha below which a material is not there; none where all of it is.
 fn cutoff(material: &JsonMaterial) -> Option<f32> {
     match material.alpha_mode {
         Checked::Valid(AlphaMode::Mask) => Some(material.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0)),
-        Checked::Valid(AlphaMode::Blend) => Some(Cutoff::BLEND),
         _ => None,
     }
     .filter(|&cutoff| cutoff > 0.0)
 }
 
 /// The picture of a texture; none where it is only there in a format that is not read.
-fn image(file: &GltfFile, texture: &Texture) -> Result<Option<Index<Image>>> {
+pub(super) fn image(file: &GltfFile, texture: &Texture) -> Result<Option<Index<Image>>> {
     if texture.source.value() != u32::MAX as usize {
         return Ok(Some(texture.source));
     }
@@ -155,7 +172,7 @@ fn image(file: &GltfFile, texture: &Texture) -> Result<Option<Index<Image>>> {
     Ok(Some(Index::new(index.ok_or_else(broken)?)))
 }
 
-fn wraps(file: &GltfFile, texture: &Texture) -> [Wrap; 2] {
+pub(super) fn wraps(file: &GltfFile, texture: &Texture) -> [Wrap; 2] {
     let sampler = texture.sampler.and_then(|sampler| file.get(sampler)).cloned().unwrap_or_default();
     [sampler.wrap_s, sampler.wrap_t].map(wrap)
 }

@@ -9,9 +9,10 @@ use gltf_json::image::Image;
 use image::{DynamicImage, GenericImageView, ImageDecoder, ImageError, ImageReader, Limits};
 
 use super::file::GltfFile;
+use super::glass::PicturedGlass;
 use crate::io::cutout::Cutoff;
 use crate::io::guard::guarded;
-use crate::scene::{AlphaMask, Rgb, Wrap};
+use crate::scene::{AlphaMask, Rgb, Tint, Wrap};
 use crate::{Error, Result};
 
 /// Pixels along a side.
@@ -68,7 +69,7 @@ enum Source {
 /// What makes two masks of the same picture the same: their cut-off and how they wrap.
 type MaskKey = (Source, u32, [u8; 2]);
 
-/// The pictures of one file that have been decoded, and the masks that were made of them.
+/// The pictures of one file that have been decoded, and the masks and the glass that were made of them.
 #[derive(Debug, Default)]
 pub(super) struct Pictures(Mutex<Known>);
 
@@ -76,6 +77,7 @@ pub(super) struct Pictures(Mutex<Known>);
 struct Known {
     pictures: HashMap<Source, Arc<Picture>>,
     masks: HashMap<MaskKey, Arc<AlphaMask>>,
+    tints: Vec<(PicturedGlass, Arc<Tint>)>,
     kept: u64,
     decoded: u64,
 }
@@ -128,6 +130,43 @@ impl Pictures {
         Ok(mask)
     }
 
+    /// What passes through glass that pictures describe. Errors: [`Error::TooLarge`], and those of a picture.
+    pub(super) fn tint(&self, file: &GltfFile, glass: &PicturedGlass) -> Result<Arc<Tint>> {
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, tint)) = known.tints.iter().find(|(of, _)| of == glass) {
+            return Ok(tint.clone());
+        }
+        let (base, transmission) =
+            (known.decoded(file, glass.base)?, known.decoded(file, glass.transmission)?);
+        let Some(carrier) = base.as_ref().or(transmission.as_ref()) else {
+            return Err(file.broken("glass has no picture".into()));
+        };
+        let (width, height) = carrier.dimensions();
+        known.keep(file, 3 * u64::from(width) * u64::from(height))?;
+        let linear = |code: u8| LINEAR[usize::from(code)] as f32;
+        let value = |y: u32, x: u32| {
+            let color = base.as_ref().map_or([255; 4], |picture| picture.get_pixel(x, y).0);
+            // The nearest pixel of a picture of another size.
+            let through = transmission.as_ref().map_or(1.0, |picture| {
+                let at = |place: u32, of: u32, side: u32| {
+                    (u64::from(2 * place + 1) * u64::from(side) / u64::from(2 * of)) as u32
+                };
+                let (x, y) = (at(x, width, picture.width()), at(y, height, picture.height()));
+                f32::from(picture.get_pixel(x, y).0[0]) / 255.0
+            });
+            let alpha = f32::from(color[3]) / 255.0;
+            glass.passing([0, 1, 2].map(|c| linear(color[c])), alpha, through).map(Tint::value)
+        };
+        let values = (0..height).flat_map(|y| (0..width).map(move |x| (y, x)));
+        let tint = Arc::new(Tint {
+            size: [width as usize, height as usize],
+            values: values.map(|(y, x)| value(y, x)).collect(),
+            wrap: glass.wrap,
+        });
+        known.tints.push((*glass, tint.clone()));
+        Ok(tint)
+    }
+
     #[cfg(test)]
     pub(super) fn decoded_bytes(&self) -> u64 {
         self.0.lock().unwrap().decoded
@@ -141,6 +180,36 @@ impl Known {
     }
 
     fn decode(&mut self, file: &GltfFile, image: &Image, needs_alpha: bool) -> Result<Picture> {
+        let pixels = self.pixels(file, image, needs_alpha)?;
+        let has_alpha = pixels.color().has_alpha();
+        let size = [pixels.width() as usize, pixels.height() as usize];
+        let kept = if needs_alpha && has_alpha { size[0] * size[1] } else { 0 };
+        let mut picture =
+            Picture { has_alpha, size, alpha: Vec::with_capacity(kept), tallies: vec![(0, [0.0; 3]); 256] };
+        let linear = &*LINEAR;
+        if let DynamicImage::ImageLuma8(grey) = &pixels {
+            let mut counts = [0_u64; 256];
+            grey.as_raw().iter().for_each(|&byte| counts[usize::from(byte)] += 1);
+            let sum: f64 = counts.iter().zip(linear).map(|(&count, value)| count as f64 * value).sum();
+            picture.tallies[usize::from(u8::MAX)] = (grey.as_raw().len() as u64, [sum; 3]);
+            return Ok(picture);
+        }
+        for (_, _, pixel) in pixels.pixels() {
+            let [red, green, blue, alpha] = pixel.0;
+            let (count, sums) = &mut picture.tallies[usize::from(alpha)];
+            *count += 1;
+            for (sum, code) in sums.iter_mut().zip([red, green, blue]) {
+                *sum += linear[usize::from(code)];
+            }
+            if kept > 0 {
+                picture.alpha.push(alpha);
+            }
+        }
+        Ok(picture)
+    }
+
+    /// The pixels themselves; where alpha is to be kept, that counts.
+    fn pixels(&mut self, file: &GltfFile, image: &Image, keeps_alpha: bool) -> Result<DynamicImage> {
         let bytes = match (&image.uri, image.buffer_view) {
             (_, Some(view)) => file.view(view)?.to_vec(),
             (Some(uri), None) => file.read_uri(uri)?,
@@ -165,33 +234,17 @@ impl Known {
         }
         self.decoded += decoder.total_bytes();
         within(self.decoded, MAX_DECODED, || format!("all pictures of {}", file.path.display()))?;
-        let has_alpha = decoder.color_type().has_alpha();
-        let size = [width as usize, height as usize];
-        let kept = if needs_alpha && has_alpha { size[0] * size[1] } else { 0 };
-        self.keep(file, kept as u64)?;
-        let pixels = DynamicImage::from_decoder(decoder).map_err(failed)?;
-        let mut picture =
-            Picture { has_alpha, size, alpha: Vec::with_capacity(kept), tallies: vec![(0, [0.0; 3]); 256] };
-        let linear = &*LINEAR;
-        if let DynamicImage::ImageLuma8(grey) = &pixels {
-            let mut counts = [0_u64; 256];
-            grey.as_raw().iter().for_each(|&byte| counts[usize::from(byte)] += 1);
-            let sum: f64 = counts.iter().zip(linear).map(|(&count, value)| count as f64 * value).sum();
-            picture.tallies[usize::from(u8::MAX)] = (grey.as_raw().len() as u64, [sum; 3]);
-            return Ok(picture);
+        if keeps_alpha && decoder.color_type().has_alpha() {
+            self.keep(file, u64::from(width) * u64::from(height))?;
         }
-        for (_, _, pixel) in pixels.pixels() {
-            let [red, green, blue, alpha] = pixel.0;
-            let (count, sums) = &mut picture.tallies[usize::from(alpha)];
-            *count += 1;
-            for (sum, code) in sums.iter_mut().zip([red, green, blue]) {
-                *sum += linear[usize::from(code)];
-            }
-            if kept > 0 {
-                picture.alpha.push(alpha);
-            }
-        }
-        Ok(picture)
+        DynamicImage::from_decoder(decoder).map_err(failed)
+    }
+
+    /// The pixels of a picture, if there is one.
+    fn decoded(&mut self, file: &GltfFile, index: Option<Index<Image>>) -> Result<Option<image::RgbaImage>> {
+        let Some(index) = index else { return Ok(None) };
+        let (image, _) = source(file, index)?;
+        Ok(Some(guarded(&file.path, "glTF", || self.pixels(file, image, false))?.into_rgba8()))
     }
 }
 

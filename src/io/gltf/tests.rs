@@ -256,7 +256,11 @@ fn leaf_cards_have_holes_where_alpha_is_low() {
         geometry.blocks(&Ray { origin: DVec3::new(x, 0.4, 1.0), direction: DVec3::NEG_Z }, 2.0)
     };
     assert!(!hits(&file, 0.2) && hits(&file, 0.8));
-    assert!(!hits(&textured("BLEND", json!({"index": 0}), &HALF_LEAF), 0.2));
+    let blended = textured("BLEND", json!({"index": 0}), &HALF_LEAF);
+    assert!(
+        !hits(&blended, 0.2) && hits(&blended, 0.8),
+        "what covers all is solid, and what covers nothing is not there"
+    );
     assert!(hits(&textured("OPAQUE", json!({"index": 0}), &HALF_LEAF), 0.2));
     // The factor's alpha counts: 0.4 < 0.5 everywhere, so that nothing is left.
     let mut faint = file.clone();
@@ -770,24 +774,86 @@ fn too_large_a_picture_is_refused_by_its_header() {
 }
 
 #[test]
-fn what_is_not_there_and_what_is_glass_is_told() {
+fn what_is_not_there_is_told_and_what_is_glass_lets_light_through() {
     let mut file = square();
+    let transmission = |factor: f64| json!({"KHR_materials_transmission": {"transmissionFactor": factor}});
+    let red = json!({"baseColorFactor": [1, 0.5, 0, 1]});
     file["materials"] = json!([
-        {"name": "Faint", "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.12]}},
-        {"name": "Glass", "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.5}}},
-        {"name": "Dull", "extensions": {"KHR_materials_transmission": {}}},
+        {"name": "Air", "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0]}},
+        {"name": "Faint", "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.25]}},
+        {"name": "Film", "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0, 0.5]}},
+        {"name": "Glass", "pbrMetallicRoughness": red, "extensions": transmission(0.5)},
+        {"name": "Dull", "pbrMetallicRoughness": red, "extensions": {"KHR_materials_transmission": {}}},
+        {"name": "Both", "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0, 0.5]},
+         "extensions": transmission(1.0)},
+        {"name": "Thick", "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1},
+         "KHR_materials_volume": {"thicknessFactor": 2, "attenuationDistance": 1, "attenuationColor": [1, 0.5, 0.1]}}},
     ]);
     let primitive = |material| json!({"attributes": {"POSITION": 0}, "indices": 2, "material": material});
-    file["meshes"][0]["primitives"] = json!([primitive(0), primitive(1), primitive(2)]);
-    assert_eq!(mesh(&file).unwrap().triangles.len(), 4);
+    file["meshes"][0]["primitives"] = (0..7).map(primitive).collect();
+    let mesh = mesh(&file).unwrap();
+    assert_eq!(mesh.triangles.len(), 12);
+    let passes = |name: &str| {
+        let material = mesh.materials.iter().find(|material| material.name.as_deref() == Some(name)).unwrap();
+        material.glass.as_ref().map(|glass| glass.transmittance)
+    };
+    for (name, expected) in [
+        ("Air", None),
+        ("Faint", Some([0.75; 3])),
+        ("Film", Some([0.5, 0.375, 0.25])),
+        ("Glass", Some([0.5, 0.25, 0.0])),
+        ("Dull", None),
+        ("Both", Some([1.0, 0.625, 0.25])),
+        ("Thick", Some([1.0, 0.25, 0.01])),
+    ] {
+        let passes = passes(name);
+        let is_near = passes.zip(expected).is_none_or(|(a, b)| (0..3).all(|c| (a[c] - b[c]).abs() < 1e-6));
+        assert!(is_near && passes.is_some() == expected.is_some(), "{name}: {passes:?}");
+    }
     assert_eq!(
         warnings(&file),
-        [
-            "2 of its triangles left out, because the alpha of their material is below its cut-off: `Faint`",
-            "surfaces that let light through (KHR_materials_transmission) cast a full shadow: `Glass`",
-        ]
+        ["2 of its triangles left out, because the alpha of their material is below its cut-off: `Air`"]
     );
     file["meshes"][0]["primitives"] = json!([primitive(0)]);
-    let refused = message(mesh(&file));
+    let refused = message(super::tests::mesh(&file));
     assert!(refused.contains("below its cut-off (2 left out)"), "{refused}");
+    file["materials"][3]["extensions"] = transmission(1.5);
+    file["meshes"][0]["primitives"] = json!([primitive(3)]);
+    assert!(message(super::tests::mesh(&file)).contains("the transmission of material Glass is 1.5"));
+}
+
+#[test]
+fn pictures_of_glass_say_what_passes_from_place_to_place() {
+    let geometry = |file: &Value| Geometry::new(mesh(file).unwrap()).unwrap();
+    let passes = |geometry: &Geometry, x: f64| {
+        geometry.transmittance(&Ray { origin: DVec3::new(x, 0.4, 1.0), direction: DVec3::NEG_Z }, 2.0)
+    };
+    // Lead and red glass: the factor of the base colour is 0.5 in red.
+    let mut file = textured("OPAQUE", json!({"index": 0}), &[[0, 0, 0, 255], [255, 0, 0, 255]]);
+    file["materials"][0]["extensions"] = json!({"KHR_materials_transmission": {"transmissionFactor": 0.8}});
+    let window = geometry(&file);
+    assert_eq!(passes(&window, 0.1), [0.0; 3]);
+    let [red, green, blue] = passes(&window, 0.9);
+    // A step of the roots of shares is 1/255.
+    assert!((red - 0.4).abs() < 3e-3 && green == 0.0 && blue == 0.0, "{red}");
+    // The transmission may have a picture of its own, of another size.
+    file["images"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({"uri": png(&[[255, 0, 0, 255], [255, 9, 9, 255], [0, 0, 0, 255], [0, 0, 0, 255]])}));
+    file["textures"].as_array_mut().unwrap().push(json!({"source": 1, "sampler": 0}));
+    file["materials"][0]["extensions"]["KHR_materials_transmission"]["transmissionTexture"] =
+        json!({"index": 1});
+    assert_eq!(passes(&geometry(&file), 0.9), [0.0; 3], "there it lets nothing through");
+    // One that lies otherwise counts by its mean.
+    let turned = json!({"index": 1, "extensions": {"KHR_texture_transform": {"rotation": 1}}});
+    file["materials"][0]["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = turned;
+    let [red, ..] = passes(&geometry(&file), 0.9);
+    assert!((red - 0.2).abs() < 3e-3, "{red}");
+    assert!(warnings(&file).iter().any(|warning| warning.contains("lies otherwise")));
+    // Without coordinates it is as its colour on the mean.
+    let mut plain = textured("OPAQUE", json!({"index": 0}), &[[255, 0, 0, 255]; 2]);
+    plain["materials"][0]["extensions"] = json!({"KHR_materials_transmission": {"transmissionFactor": 1}});
+    plain["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("TEXCOORD_0");
+    assert_eq!(passes(&geometry(&plain), 0.4), [0.5, 0.0, 0.0]);
 }

@@ -58,7 +58,6 @@ pub(super) fn collect(
         surfaces: HashMap::new(),
         left_out: 0,
         nowhere: Vec::new(),
-        glass: Vec::new(),
     };
     for (node, instances) in objects {
         let Some((mesh, parts)) = file.root.nodes[node].mesh.and_then(|mesh| plan.meshes.get(&mesh.value()))
@@ -169,8 +168,6 @@ struct Collector<'a> {
     left_out: usize,
     /// The names of these materials.
     nowhere: Vec<String>,
-    /// The names of materials that light would go through.
-    glass: Vec<String>,
 }
 
 impl Collector<'_> {
@@ -232,8 +229,6 @@ impl Collector<'_> {
         let name = || surface.material.name.clone().unwrap_or("(without a name)".into());
         if surface.is_invisible {
             self.nowhere.push(name());
-        } else if surface.is_glass {
-            self.glass.push(name());
         }
         let material = self.mesh.materials.len() as u32;
         self.mesh.materials.push(surface.material.clone());
@@ -287,12 +282,6 @@ impl Collector<'_> {
                 "{} of its triangles left out, because the alpha of their material is below its cut-off: {}",
                 self.left_out,
                 listed(&self.nowhere)
-            ));
-        }
-        if !self.glass.is_empty() {
-            self.file.warn(format!(
-                "surfaces that let light through (KHR_materials_transmission) cast a full shadow: {}",
-                listed(&self.glass)
             ));
         }
         (self.mesh, self.left_out)

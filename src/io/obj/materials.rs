@@ -18,8 +18,7 @@ pub(super) const GREY: Rgb = [0.6; 3];
 /// Bytes of one MTL file.
 const MAX_LIBRARY: u64 = 1 << 28;
 
-/// Bytes of all masks together. A small file could ask for a large picture many times, with another cut-off
-/// each time.
+/// Bytes of all masks together.
 const MAX_MASKS: usize = 1 << 30;
 
 /// Names in one warning.
@@ -28,8 +27,8 @@ const MAX_NAMES: usize = 3;
 /// Width, height and alpha of a picture.
 type Cover = ([usize; 2], Vec<u8>);
 
-/// A picture, the bits of the cut-off, and whether it is clamped at its edges.
-type MaskKey = (PathBuf, u32, bool);
+/// A picture, and whether it is clamped at its edges.
+type MaskKey = (PathBuf, bool);
 
 /// What is known of materials so far.
 #[derive(Debug)]
@@ -91,33 +90,34 @@ impl Materials {
     ///
     /// Errors: those of a picture that is there and cannot be read; [`Error::TooLarge`].
     pub(super) fn material(&mut self, name: &str, has_coordinates: bool) -> Result<Option<Material>> {
-        let mut material = Material { name: None, albedo: GREY, mask: None };
+        let mut material = Material { name: None, albedo: GREY, mask: None, glass: None };
         let Some(description) = self.described.get(name) else {
             self.unknown.extend((!name.is_empty()).then(|| shown(name.as_bytes())));
             return Ok(Some(material));
         };
         material.name = Some(name.to_owned());
         material.albedo = description.albedo.unwrap_or(GREY);
-        let cutoff = Cutoff::new(Cutoff::BLEND, description.opacity());
-        if cutoff.leaves_nothing() {
+        let glass = description.glass();
+        if glass.at([0.0; 2]) == [1.0; 3] {
             return Ok(None);
         }
+        material.glass = glass.colors().then_some(glass);
         if let Some(OpacityMap { file, wrap }) = description.opacity_map.as_ref().filter(|_| has_coordinates)
         {
             let (file, wrap) = (file.clone(), *wrap);
-            material.mask = self.mask(&file, cutoff, wrap)?;
+            material.mask = self.mask(&file, wrap)?;
         }
         Ok(Some(material))
     }
 
-    fn mask(&mut self, file: &Path, cutoff: Cutoff, wrap: Wrap) -> Result<Option<Arc<AlphaMask>>> {
+    fn mask(&mut self, file: &Path, wrap: Wrap) -> Result<Option<Arc<AlphaMask>>> {
         // Whatever it is called, it is decoded once.
         let Some(real) = file.canonicalize().ok().filter(|file| file.is_file()) else {
             let name = file.file_name().unwrap_or_default();
             self.missing_pictures.insert(shown(name.as_encoded_bytes()));
             return Ok(None);
         };
-        let key = (real, cutoff.bits(), wrap == Wrap::Clamp);
+        let key = (real, wrap == Wrap::Clamp);
         if let Some(mask) = self.masks.get(&key) {
             return Ok(mask.clone());
         }
@@ -126,7 +126,7 @@ impl Materials {
             Entry::Vacant(unread) => unread.insert(image::read_cover(file)?),
         };
         let (size, alpha) = cover;
-        let mask = cutoff.mask(*size, alpha.iter().copied(), [wrap; 2]);
+        let mask = Cutoff::new(Cutoff::HALF, 1.0).mask(*size, alpha.iter().copied(), [wrap; 2]);
         self.bytes_of_masks += mask.as_ref().map_or(0, |_| alpha.len());
         if self.bytes_of_masks > MAX_MASKS {
             return Err(Error::TooLarge {

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::statements::{Statements, name, number, split, words};
+use crate::io::film::passing;
 use crate::io::input;
-use crate::scene::{Rgb, Wrap};
+use crate::scene::{Glass, Rgb, Wrap, rgb};
 
 /// What is said of a material.
 #[derive(Debug, Default)]
@@ -13,6 +14,10 @@ pub(super) struct Description {
     pub(super) albedo: Option<Rgb>,
     dissolve: Option<f32>,
     transparency: Option<f32>,
+    /// `Tf`, in [0, 1].
+    filter: Option<Rgb>,
+    /// Whether `illum` says that it is glass.
+    is_glass: bool,
     /// `map_d`.
     pub(super) opacity_map: Option<OpacityMap>,
 }
@@ -30,6 +35,19 @@ impl Description {
         // Some programs write as `Tr` what others write as `d`, and then both.
         self.dissolve.or(self.transparency.map(|hidden| 1.0 - hidden)).unwrap_or(1.0).clamp(0.0, 1.0)
     }
+
+    /// What of it lets light through: what `d` leaves, coloured by `Tf`, else as a film of the diffuse colour; and `Tf` itself where it is
+    /// glass by its `illum` and opaque by its `d`. Many programs write a white `Tf` for everything.
+    pub(super) fn glass(&self) -> Glass {
+        let opacity = self.opacity();
+        let filter = self.filter.filter(|filter| *filter != [1.0; 3]);
+        let transmittance = match filter {
+            Some(filter) if opacity < 1.0 => rgb(|c| (1.0 - opacity) * filter[c]),
+            Some(filter) if self.is_glass => filter,
+            _ => passing(self.albedo.unwrap_or([1.0; 3]), opacity, 0.0),
+        };
+        Glass { transmittance, picture: None }
+    }
 }
 
 /// The materials of an MTL file that lies in `folder`, with their names. Statements that are broken or
@@ -44,9 +62,13 @@ pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<Vec<(String, Descript
             materials.push((name(rest), Description::default()));
         } else if let Some((_, material)) = materials.last_mut() {
             match word {
-                b"Kd" => material.albedo = albedo(rest),
+                b"Kd" => material.albedo = color(rest),
                 // `d -halo 0.5` is less opaque where a surface is seen from the front.
                 b"d" => material.dissolve = finite(rest.strip_prefix(b"-halo").unwrap_or(rest)),
+                b"Tf" => material.filter = color(rest),
+                b"illum" => {
+                    material.is_glass = finite(rest).is_some_and(|it| [4.0, 6.0, 7.0, 9.0].contains(&it))
+                }
                 b"Tr" => material.transparency = finite(rest),
                 b"map_d" => material.opacity_map = opacity_map(rest, folder),
                 _ => {}
@@ -61,7 +83,7 @@ fn finite(text: &[u8]) -> Option<f32> {
 }
 
 /// Three numbers, or one for all three.
-fn albedo(text: &[u8]) -> Option<Rgb> {
+fn color(text: &[u8]) -> Option<Rgb> {
     let numbers: Option<Vec<f32>> = words(text).take(3).map(finite).collect();
     match numbers?[..] {
         [grey] => Some([grey; 3]),

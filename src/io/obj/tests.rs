@@ -277,23 +277,46 @@ fn columns(codes: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn what_is_less_opaque_than_one_half_is_not_there() {
-    let count =
-        |material: &str| with_materials(SQUARE, &format!("newmtl Leaf\n{material}\n")).triangles.len();
-    for (material, expected) in [
-        ("d 1", 3),
-        ("d 0.5", 3),
-        ("d 0.49", 1),
-        ("d 0", 1),
-        ("Tr 1", 1),
-        ("Tr 0.5", 3),
-        ("Tr 0", 3),
-        ("d 1\nTr 1", 3),
+fn what_is_less_than_opaque_lets_light_through_and_what_is_not_at_all_is_not_there() {
+    let of = |material: &str| {
+        let mesh = with_materials(SQUARE, &format!("newmtl Leaf\n{material}\n"));
+        let glass = mesh.materials[0].glass.as_ref().map(|glass| glass.transmittance);
+        (mesh.triangles.len(), glass)
+    };
+    for (material, count, passes) in [
+        ("d 1", 3, None),
+        ("d 0.5", 3, Some([0.5; 3])),
+        ("Tr 0.75", 3, Some([0.75; 3])),
+        ("d 0.01", 3, Some([0.99; 3])),
+        ("d 0.99", 3, None),
+        ("d 0", 1, None),
+        ("Tr 1", 1, None),
+        ("Tr 0", 3, None),
+        ("d 1\nTr 1", 3, None),
+        // A film of the diffuse colour, or what the filter says.
+        ("d 0.5\nKd 1 0.5 0", 3, Some([0.5, 0.375, 0.25])),
+        ("d 0.5\nKd 1 0.5 0\nTf 0 1 0.5", 3, Some([0.0, 0.5, 0.25])),
+        ("d 0.5\nKd 1 0.5 0\nTf 1 1 1", 3, Some([0.5, 0.375, 0.25])),
+        ("Tf 0.5", 3, None),
+        ("Tf 0.5\nillum 2", 3, None),
+        ("Tf 0.5 0.25 1\nillum 4", 3, Some([0.5, 0.25, 1.0])),
+        ("Tf 1 1 1\nillum 7", 3, None),
+        ("Tf spectral a.rfl\nd 0.5", 3, Some([0.5; 3])),
     ] {
-        assert_eq!(count(material), expected, "{material}");
+        let (triangles, glass) = of(material);
+        assert_eq!(triangles, count, "{material}");
+        let near = |a: [f32; 3], b: [f32; 3]| (0..3).all(|c| (a[c] - b[c]).abs() < 1e-6);
+        assert!(
+            match (glass, passes) {
+                (None, None) => true,
+                (Some(glass), Some(passes)) => near(glass, passes),
+                _ => false,
+            },
+            "{material}: {glass:?}"
+        );
     }
-    // Glass alone is nobody's fault.
-    let glass = "newmtl Leaf\nd 0\nnewmtl Other\nTr 0.9\n";
+    // What lets all through is nobody's fault.
+    let glass = "newmtl Leaf\nd 0\nnewmtl Other\nTr 1\n";
     let (mesh, warnings) = beside(SQUARE, &[("scene.mtl", glass.as_bytes())]).unwrap();
     assert!(mesh.triangles.is_empty() && mesh.positions.is_empty() && mesh.materials.is_empty());
     assert_eq!(warnings, ["faces are transparent and block no light (2)"]);
@@ -320,7 +343,7 @@ fn an_opacity_map_cuts_holes() {
 }
 
 #[test]
-fn an_opacity_map_is_relative_to_d_and_needs_coordinates() {
+fn an_opacity_map_of_glass_says_where_it_is_and_needs_coordinates() {
     let black = columns(&[0; 4]);
     let text = format!("{SQUARE}usemtl Leaf\nf 1 2 3\n");
     let materials = "newmtl Leaf\nd 0.625\nmap_d leaf.png\nnewmtl Other\nmap_d leaf.png\n";
@@ -328,7 +351,10 @@ fn an_opacity_map_is_relative_to_d_and_needs_coordinates() {
     let mesh = beside(&text, &files).unwrap().0;
     let cutoffs: Vec<_> =
         (0..4).map(|triangle| mesh.material(triangle).mask.as_ref().map(|mask| mask.cutoff)).collect();
-    assert_eq!(cutoffs, [Some(0.8), Some(0.8), None, None], "faces without coordinates cannot have holes");
+    assert_eq!(cutoffs, [Some(0.5), Some(0.5), None, None], "faces without coordinates cannot have holes");
+    for material in &mesh.materials {
+        assert_eq!(material.glass.is_some(), material.name.as_deref() == Some("Leaf"));
+    }
     let white = columns(&[255; 4]);
     let files: [(&str, &[u8]); 2] = [("scene.mtl", materials.as_bytes()), ("leaf.png", &white)];
     assert_eq!(beside(&text, &files).unwrap().0.material(0).mask, None, "without a hole it is no mask");

@@ -6,7 +6,7 @@ use glam::{DAffine3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{Mesh, Primitive};
+use crate::scene::{Glass, Mesh, Primitive};
 use crate::visibility::Geometry;
 
 use super::assets::Assets;
@@ -46,6 +46,10 @@ pub struct BoxShape {
     #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
     #[schemars(!skip_serializing_if)]
     pub albedo: Channels,
+    /// What of light passes it, from 0 to 1, straight on: one number or [r, g, b]. It is glass then.
+    #[serde(default = "nothing", skip_serializing_if = "is_nothing")]
+    #[schemars(!skip_serializing_if)]
+    pub transmittance: Channels,
     /// Moves the shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_world: Option<Transform>,
@@ -63,6 +67,10 @@ pub struct PlaneShape {
     #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
     #[schemars(!skip_serializing_if)]
     pub albedo: Channels,
+    /// What of light passes it, from 0 to 1, straight on: one number or [r, g, b]. It is glass then.
+    #[serde(default = "nothing", skip_serializing_if = "is_nothing")]
+    #[schemars(!skip_serializing_if)]
+    pub transmittance: Channels,
     /// Moves the shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_world: Option<Transform>,
@@ -80,6 +88,10 @@ pub struct SphereShape {
     #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
     #[schemars(!skip_serializing_if)]
     pub albedo: Channels,
+    /// What of light passes it, from 0 to 1, straight on: one number or [r, g, b]. It is glass then.
+    #[serde(default = "nothing", skip_serializing_if = "is_nothing")]
+    #[schemars(!skip_serializing_if)]
+    pub transmittance: Channels,
     /// Moves the shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_world: Option<Transform>,
@@ -99,6 +111,10 @@ pub struct CylinderShape {
     #[serde(default = "default_albedo", skip_serializing_if = "is_default_albedo")]
     #[schemars(!skip_serializing_if)]
     pub albedo: Channels,
+    /// What of light passes it, from 0 to 1, straight on: one number or [r, g, b]. It is glass then.
+    #[serde(default = "nothing", skip_serializing_if = "is_nothing")]
+    #[schemars(!skip_serializing_if)]
+    pub transmittance: Channels,
     /// Moves the shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_world: Option<Transform>,
@@ -164,17 +180,22 @@ impl Occluder {
     }
 
     fn triangles(&self, assets: &mut Assets) -> Built<Mesh> {
-        let (primitive, albedo) = match self {
-            Self::Box(shape) => (shape.primitive()?, shape.albedo),
-            Self::Plane(shape) => (shape.primitive()?, shape.albedo),
-            Self::Sphere(shape) => (shape.primitive()?, shape.albedo),
-            Self::Cylinder(shape) => (shape.primitive()?, shape.albedo),
+        let (primitive, albedo, transmittance) = match self {
+            Self::Box(shape) => (shape.primitive()?, shape.albedo, shape.transmittance),
+            Self::Plane(shape) => (shape.primitive()?, shape.albedo, shape.transmittance),
+            Self::Sphere(shape) => (shape.primitive()?, shape.albedo, shape.transmittance),
+            Self::Cylinder(shape) => (shape.primitive()?, shape.albedo, shape.transmittance),
             Self::Gltf(GltfMesh { file, node, .. }) => {
                 return Ok(assets.gltf_mesh(&GltfNode { file: file.clone(), node: node.clone() })?);
             }
             Self::Obj(obj) => return assets.obj_mesh(&obj.file).at("file"),
         };
-        Ok(primitive.mesh(albedo.rgb("albedo", 1.0)?)?)
+        let mut mesh = primitive.mesh(albedo.rgb("albedo", 1.0)?)?;
+        let glass = Glass { transmittance: transmittance.rgb("transmittance", 1.0)?, picture: None };
+        if glass.transmittance != [0.0; 3] {
+            mesh.materials[0].glass = Some(glass);
+        }
+        Ok(mesh)
     }
 }
 
@@ -252,6 +273,14 @@ fn append(mesh: &mut Mesh, part: Mesh, world_from_part: DAffine3) -> Built<()> {
 
 fn default_albedo() -> Channels {
     Channels::Grey(0.5)
+}
+
+fn nothing() -> Channels {
+    Channels::Grey(0.0)
+}
+
+fn is_nothing(transmittance: &Channels) -> bool {
+    *transmittance == nothing()
 }
 
 fn is_default_albedo(albedo: &Channels) -> bool {

@@ -12,7 +12,7 @@ use super::engine::Engine;
 use super::environment::write_environment;
 use super::folder::Folder;
 use super::steps::{Steps, Timings};
-use super::{Options, memory};
+use super::{Options, memory, warnings};
 use crate::Result;
 use crate::problem::{Desired, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use crate::report::{self, Report};
@@ -110,6 +110,7 @@ pub(super) fn draw(
     steps: &mut Steps<'_>,
     written: &mut Vec<String>,
 ) -> Result<bool> {
+    warnings::tell_of_hidden(geometry);
     steps.begin("lighting", None);
     let optics = Optics::new(scene, geometry, &VolumeState::of(scene)?)?;
     let last = *scene.stages.last().ok_or_else(nothing_asked)?;

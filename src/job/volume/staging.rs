@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::super::engine::Engine;
 use super::super::steps::{Steps, Timings};
+use super::super::warnings;
 use super::pictures::{nothing_asked, view_pictures};
 use super::stage::{Place, PropertySearch, Stage};
 use crate::Result;
@@ -162,6 +163,7 @@ impl<'a, 's> Course<'a, 's> {
     ) -> Result<Self> {
         steps.begin("lighting", None);
         let state = VolumeState::of(scene)?;
+        warnings::tell_of_hidden(geometry);
         let optics = Optics::new(scene, geometry, &state)?;
         let drawn = VolumeProblem::model(scene, *scene.stages.first().ok_or_else(nothing_asked)?);
         let before = view_pictures(scene, &state.medium, &optics, drawn, steps)?;

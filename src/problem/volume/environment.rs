@@ -35,7 +35,7 @@ impl LightColumns {
         };
         let lights: Vec<Vec<Beam>> = (0..basis.len()).map(beams).collect();
         let (density, geometry, voxels) = (&optics.density, optics.geometry(), part.voxels());
-        Ok(if density.is_grey() {
+        Ok(if optics.is_lit_grey() {
             Self::Grey(light_columns(density, geometry, &part.grid, voxels, &lights)?)
         } else {
             Self::Colored(light_columns(density, geometry, &part.grid, voxels, &lights)?)
@@ -201,10 +201,10 @@ impl LitRows {
 
     /// Bytes that V and D take.
     pub fn bytes(&self) -> u64 {
-        let density = &self.scattered.transport().density;
+        let is_grey = matches!(*self.columns, LightColumns::Grey(_));
         let voxels = self.scattered.parts()[0].voxels().len();
         let ends = self.seen.ends.len() * size_of::<End>();
-        LightColumns::bytes(voxels, self.seen.basis.len(), density.is_grey()) + ends as u64
+        LightColumns::bytes(voxels, self.seen.basis.len(), is_grey) + ends as u64
     }
 
     /// Whether no light reaches any voxel, or is seen by any row.
@@ -273,7 +273,7 @@ pub(super) fn lit_voxels(
 pub fn light_bytes(scene: &VolumeScene, optics: &Optics) -> Result<u64> {
     let grid = sky_grid(scene, &optics.density)?;
     let voxels = near_medium(&optics.density, &grid).len();
-    Ok(LightColumns::bytes(voxels, scene.light_basis.len(), optics.density.is_grey()))
+    Ok(LightColumns::bytes(voxels, scene.light_basis.len(), optics.is_lit_grey()))
 }
 
 /// Errors: [`Error::Empty`] when no light reaches anything that is wanted.

@@ -85,6 +85,11 @@ impl Optics {
         &self.geometry
     }
 
+    /// Whether white light arrives as grey light everywhere.
+    pub(super) fn is_lit_grey(&self) -> bool {
+        self.density.is_grey() && self.geometry.is_grey()
+    }
+
     /// What comes from everywhere but the suns.
     pub fn environment(&self) -> &Environment {
         &self.environment
@@ -151,7 +156,8 @@ impl Optics {
         let mut end = (rays.ray(row), None);
         rays.each_straight(row, self.refraction.as_deref(), |ray, a, b| {
             let start = Ray { origin: ray.at(a), direction: ray.direction };
-            let hit = self.geometry.first_hit(&start, b - a);
+            // No view of a volume looks through panes.
+            let hit = self.geometry.first_surface(&start, b - a);
             end = (start, hit.map(|hit| (a + hit.distance, hit)));
             end.1.is_none()
         });
@@ -164,12 +170,14 @@ impl Optics {
         for sun in &scene.lights {
             let cosine = -normal.dot(sun.direction);
             let towards = Ray { origin: point, direction: -sun.direction };
-            if cosine <= 0.0 || self.geometry.blocks(&towards, f64::INFINITY) {
+            let passes = self.geometry.transmittance(&towards, f64::INFINITY);
+            if cosine <= 0.0 || passes == [0.0; 3] {
                 continue;
             }
             let tau = self.density.optical_depth(point, -sun.direction, f64::INFINITY);
             for c in 0..3 {
-                sum[c] += f64::from(sun.radiance[c]) * cosine / std::f64::consts::PI * (-tau[c]).exp();
+                sum[c] +=
+                    f64::from(passes[c] * sun.radiance[c]) * cosine / std::f64::consts::PI * (-tau[c]).exp();
             }
         }
         sum.map(|value| value as f32)

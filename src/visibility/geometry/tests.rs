@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::scene::{AlphaMask, Material, Object, Primitive, Wrap};
+use crate::scene::{AlphaMask, Glass, Material, Object, Primitive, Tint, Wrap};
 
 /// SplitMix64.
 struct Random(u64);
@@ -39,7 +39,7 @@ fn mesh(corners: &[[DVec3; 3]]) -> Mesh {
         coordinates: corners.iter().flat_map(|_| [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]).collect(),
         triangles: (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
         material_of: vec![0; corners.len()],
-        materials: vec![Material { name: None, albedo: [0.5; 3], mask: None }],
+        materials: vec![Material { name: None, albedo: [0.5; 3], mask: None, glass: None }],
         object_of: vec![0; corners.len()],
         objects: vec![Object::default()],
     }
@@ -229,7 +229,12 @@ fn leaf_card() -> Geometry {
         [DVec3::new(-9.0, -9.0, -1.0), DVec3::new(9.0, -9.0, -1.0), DVec3::new(0.0, 9.0, -1.0)],
     ]);
     card.coordinates = card.positions.iter().map(|p| [p.x as f32, p.y as f32]).collect();
-    card.materials.push(Material { name: None, albedo: [0.1, 0.9, 0.1], mask: Some(Arc::new(mask)) });
+    card.materials.push(Material {
+        name: None,
+        albedo: [0.1, 0.9, 0.1],
+        mask: Some(Arc::new(mask)),
+        glass: None,
+    });
     card.material_of = vec![1, 1, 0];
     Geometry::new(card).unwrap()
 }
@@ -341,5 +346,139 @@ fn broken_meshes_are_refused() {
         let mut mesh = good();
         breaks(&mut mesh);
         assert!(Geometry::new(mesh).is_err(), "case {case}");
+    }
+}
+
+/// A rectangle across z, as two triangles.
+fn window(z: f64, half: f64) -> [[DVec3; 3]; 2] {
+    let at = |x: f64, y: f64| DVec3::new(half * x, half * y, z);
+    [[at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0)], [at(-1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)]]
+}
+
+fn glass(transmittance: Rgb) -> Material {
+    Material { name: None, albedo: [0.5; 3], mask: None, glass: Some(Glass { transmittance, picture: None }) }
+}
+
+const RED: Rgb = [0.9, 0.2, 0.1];
+const BLUE: Rgb = [0.1, 0.3, 0.8];
+
+/// A red and a blue window, one behind the other, and a wall behind both.
+fn windows() -> Geometry {
+    let mut windows = mesh(&[window(2.0, 1.0), window(1.0, 1.0), window(-1.0, 1.0)].concat());
+    windows.materials.extend([glass(RED), glass(BLUE)]);
+    windows.material_of = vec![1, 1, 2, 2, 0, 0];
+    Geometry::new(windows).unwrap()
+}
+
+#[test]
+fn light_through_panes_is_coloured_by_each_and_a_pane_is_no_hit() {
+    let geometry = windows();
+    // Along the common edge of the two triangles of each window, and beside it.
+    for [x, y] in [[0.25, 0.25], [0.3, -0.2]] {
+        let ray = Ray { origin: DVec3::new(x, y, 4.0), direction: DVec3::NEG_Z };
+        assert_eq!(geometry.first_hit(&ray, 10.0).unwrap().distance, 5.0);
+        assert_eq!(geometry.first_surface(&ray, 10.0).unwrap().distance, 2.0);
+        let panes = geometry.panes(&ray, 10.0);
+        assert_eq!(panes.iter().map(|pane| pane.distance).collect::<Vec<_>>(), [2.0, 3.0]);
+        assert_eq!(geometry.transmittance(&ray, 2.5), RED);
+        let both = [0, 1, 2].map(|c| RED[c] * BLUE[c]);
+        assert_eq!(geometry.transmittance(&ray, 4.0), both);
+        assert_eq!(geometry.transmittance(&ray, 6.0), [0.0; 3]);
+        assert!(!geometry.blocks(&ray, 4.0) && geometry.blocks(&ray, 6.0));
+        assert_eq!(geometry.hit_on(&ray, 0), None, "a pane is passed");
+    }
+    let beside = Ray { origin: DVec3::new(3.0, 0.0, 4.0), direction: DVec3::NEG_Z };
+    assert_eq!(geometry.transmittance(&beside, 10.0), [1.0; 3]);
+    assert!(!geometry.is_grey() && geometry.has_panes() && !geometry.is_open());
+}
+
+#[test]
+fn a_box_of_glass_colours_light_once_and_two_boxes_twice() {
+    let pane = |z| {
+        let (centre, size) = (DVec3::new(0.0, 0.0, z + 0.05), DVec3::new(2.0, 2.0, 0.1));
+        Primitive::Box { centre, size }.mesh([0.5; 3]).unwrap()
+    };
+    let mut both = Mesh::default();
+    for z in [0.0, 1.0] {
+        both.append(pane(z), glam::DAffine3::IDENTITY);
+    }
+    both.materials = vec![glass(RED), glass(RED)];
+    let geometry = Geometry::new(both.clone()).unwrap();
+    let square = RED.map(|share| share * share);
+    for [x, y] in [[0.0, 0.0], [0.31, -0.2], [0.5, 0.5]] {
+        let down = Ray { origin: DVec3::new(x, y, 4.0), direction: DVec3::NEG_Z };
+        assert_eq!(geometry.transmittance(&down, 10.0), square);
+        assert_eq!(geometry.transmittance(&down, 3.5), RED);
+        let up = Ray { origin: DVec3::new(x, y, -4.0), direction: DVec3::Z };
+        assert_eq!(geometry.transmittance(&up, 10.0), square);
+        let inside = Ray { origin: DVec3::new(x, y, 0.05), direction: DVec3::NEG_Z };
+        assert_eq!(geometry.transmittance(&inside, 10.0), RED);
+    }
+    // As one object, too.
+    both.object_of.fill(0);
+    let geometry = Geometry::new(both).unwrap();
+    let down = Ray { origin: DVec3::new(0.31, -0.2, 4.0), direction: DVec3::NEG_Z };
+    assert_eq!(geometry.transmittance(&down, 10.0), square);
+}
+
+#[test]
+fn a_picture_of_glass_has_solid_places_panes_and_holes() {
+    let picture = Tint { size: [3, 1], values: vec![[0; 3], [255, 0, 0], [255; 3]], wrap: [Wrap::Clamp; 2] };
+    let mut leaded = mesh(&window(0.0, 1.0));
+    leaded.coordinates = leaded.positions.iter().map(|p| [(0.5 + 0.5 * p.x) as f32, 0.5]).collect();
+    leaded.materials = vec![Material {
+        glass: Some(Glass { transmittance: [1.0; 3], picture: Some(Arc::new(picture)) }),
+        ..glass(RED)
+    }];
+    let geometry = Geometry::new(leaded).unwrap();
+    for (x, passes) in [(-0.9, [0.0; 3]), (0.0, [1.0, 0.0, 0.0]), (0.95, [1.0; 3])] {
+        let ray = Ray { origin: DVec3::new(x, 0.3, 1.0), direction: DVec3::NEG_Z };
+        assert_eq!(geometry.transmittance(&ray, 2.0), passes, "at {x}");
+        assert_eq!(geometry.first_hit(&ray, 2.0).is_some(), passes == [0.0; 3]);
+        assert_eq!(geometry.hit_on(&ray, 0).or(geometry.hit_on(&ray, 1)).is_some(), passes == [0.0; 3]);
+    }
+}
+
+#[test]
+fn a_shadow_map_knows_what_rays_to_the_light_know() {
+    let geometry = windows();
+    let frame = LightFrame::along(DVec3::new(0.2, -0.1, -1.0).normalize());
+    let extent = crate::scene::Extent { min: glam::DVec2::splat(-3.0), max: glam::DVec2::splat(3.0) };
+    let grid = crate::scene::Grid::new(extent, [60, 60]).unwrap();
+    let map = crate::visibility::ShadowMap::render(&geometry, &frame, grid).unwrap();
+    let towards = -frame.world_from_light(DVec3::Z);
+    let mut seen = std::collections::BTreeMap::new();
+    for texel in 0..grid.len() {
+        for depth in [-3.0, -1.5, -0.5, 0.5, 1.5, 2.5] {
+            let point = grid.centre(texel % 60, texel / 60).extend(depth);
+            let ray = Ray { origin: frame.world_from_light(point), direction: towards };
+            let expected = geometry.transmittance(&ray, f64::INFINITY);
+            let stored = map.light_at(point);
+            assert!((0..3).all(|c| (stored[c] - expected[c]).abs() < 1e-6), "{stored:?}, not {expected:?}");
+            *seen.entry(expected.map(f32::to_bits)).or_insert(0) += 1;
+        }
+    }
+    assert_eq!(seen.len(), 5, "light, darkness, red, blue and both: {seen:?}");
+}
+
+#[test]
+fn more_panes_than_are_told_apart_colour_light_at_the_last() {
+    let stack: Vec<_> = (0..20).flat_map(|k| window(f64::from(k), 1.0)).collect();
+    let mut many = mesh(&stack);
+    many.materials = (0..20).map(|_| glass([0.9; 3])).collect();
+    many.material_of = (0..40).map(|triangle| triangle / 2).collect();
+    let geometry = Geometry::new(many).unwrap();
+    let frame = LightFrame::along(DVec3::NEG_Z);
+    let extent = crate::scene::Extent { min: glam::DVec2::splat(-0.9), max: glam::DVec2::splat(0.9) };
+    let grid = crate::scene::Grid::new(extent, [2, 2]).unwrap();
+    let map = crate::visibility::ShadowMap::render(&geometry, &frame, grid).unwrap();
+    assert_eq!(map.behind().unwrap().crowded(), 4);
+    let behind = |panes: i32| {
+        let z = f64::from(20 - panes) - 0.5;
+        map.light_at(frame.light_from_world(DVec3::new(0.3, 0.3, z)))[0]
+    };
+    assert!((behind(15) - 0.9_f32.powi(15)).abs() < 1e-6);
+    for panes in [16, 17, 20] {
+        assert!((behind(panes) - 0.9_f32.powi(20)).abs() < 1e-6);
     }
 }
