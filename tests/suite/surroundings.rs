@@ -13,7 +13,7 @@ use unscatter::sparse::ExplicitMatrix;
 use unscatter::visibility::Geometry;
 
 use crate::scenes::Numbers;
-use crate::scenes::mist::{CASES, Case, scene_of};
+use crate::scenes::mist::{CASES, Case, SHAFTS, scene_of};
 use crate::tolerances::{
     ADJOINT_F32, ADJOINT_F64, AGAINST_EXPLICIT, SURROUNDINGS_FOUND, SURROUNDINGS_PICTURE, SURROUNDINGS_TRACED,
 };
@@ -263,7 +263,7 @@ fn assert_is_explicit(name: &str, problem: &LightMapProblem, operator: &impl Tra
 
 #[test]
 fn both_strategies_are_the_explicit_matrix_and_have_its_adjoint() {
-    for case in &CASES {
+    for case in CASES.iter().chain([&SHAFTS]) {
         let problem = LightMapProblem::new(&scene_of(case)).unwrap();
         assert!(adjoint_test(&explicit(&problem), 3, 5).unwrap().error <= ADJOINT_F64);
         for strategy in [Strategy::Assembled, Strategy::MatrixFree] {
@@ -286,7 +286,7 @@ fn both_strategies_are_the_explicit_matrix_and_have_its_adjoint() {
 #[ignore = "needs a graphics adapter; ./test.sh brings one"]
 fn rows_on_an_adapter_are_the_explicit_matrix() {
     let gpu = crate::gpu::gpu();
-    for case in &CASES {
+    for case in CASES.iter().chain([&SHAFTS]) {
         let problem = LightMapProblem::new(&scene_of(case)).unwrap();
         for (strategy, deterministic) in
             [(Strategy::Assembled, false), (Strategy::MatrixFree, false), (Strategy::MatrixFree, true)]
@@ -416,4 +416,28 @@ fn light_that_shows_nowhere_is_an_error() {
         scene.mesh = floor.mesh([0.5; 3]).unwrap().into();
     };
     assert!(refused(below, &cover).contains("none of the 1 lights"));
+}
+
+#[test]
+fn rows_without_a_pane_stay_grey_and_the_others_are_kept_beside_them() {
+    let problem = LightMapProblem::new(&scene_of(&SHAFTS)).unwrap();
+    let colored: Vec<usize> = (0..problem.rows()).filter(|&row| problem.traversal.is_colored(row)).collect();
+    assert!(
+        colored.len() > 100 && colored.len() < problem.rows() / 2,
+        "{} of {}",
+        colored.len(),
+        problem.rows()
+    );
+    assert!(!problem.is_grey());
+    // Three weights for coloured rows alone.
+    let kept = problem.on_cpu(Strategy::Assembled, u64::MAX).unwrap().storage();
+    let grey: Vec<usize> = (0..problem.rows()).filter(|row| colored.binary_search(row).is_err()).collect();
+    let of = |rows: &[usize]| problem.of_some(rows).on_cpu(Strategy::Assembled, u64::MAX).unwrap().storage();
+    assert_eq!(kept.bytes, of(&grey).bytes + of(&colored).bytes);
+    assert!(problem.of_some(&grey).is_grey());
+    // As much as memory allows, and to the same end.
+    let little = problem.on_cpu(Strategy::Auto, kept.bytes / 3).unwrap();
+    let storage = little.storage();
+    assert!(storage.kept_rows > 0 && storage.walked_rows > 0 && storage.bytes <= kept.bytes / 3);
+    assert_is_explicit("little memory", &problem, &little);
 }
