@@ -5,7 +5,7 @@ use std::error::Error;
 use glam::DVec3;
 use unscatter::io::scene_file::{Channels, Document, GltfMesh, Light, Medium, Occluder};
 
-use crate::glb::{Surface, glb, leaf_picture};
+use crate::glb::{Made, Surface, glb, leaf_picture};
 use crate::numbers::Numbers;
 use crate::painter::Shaft;
 use crate::stage::{Stage, shadow_map, view};
@@ -84,7 +84,10 @@ pub(crate) fn model() -> Result<Vec<u8>, Box<dyn Error>> {
     for tree in &trees {
         trunk(&mut wood, &mut numbers, *tree);
     }
-    glb(("leaves", &leaves, &leaf_picture()), ("trunks", &wood, BARK))
+    glb(&[
+        (["leaves", "leaf"], &leaves, Made::OfLeaves(leaf_picture())),
+        (["trunks", "bark"], &wood, Made::Of(BARK)),
+    ])
 }
 
 fn trees(numbers: &mut Numbers) -> Vec<DVec3> {

@@ -1,4 +1,4 @@
-//! A small writer of binary glTF: quads with one alpha-masked texture, and triangles without.
+//! A small writer of binary glTF: quads of leaves and of stained glass, which have pictures, and of what is one colour.
 
 use std::error::Error;
 use std::io::Cursor;
@@ -38,36 +38,61 @@ impl Surface {
     }
 }
 
-/// A glTF file with one node and one material a surface. The first surface carries the picture.
-pub(crate) fn glb(
-    leaves: (&str, &Surface, &RgbaImage),
-    wood: (&str, &Surface, [f32; 3]),
-) -> Result<Vec<u8>, Box<dyn Error>> {
+/// What a surface is made of.
+pub(crate) enum Made {
+    /// A picture with holes where its alpha is low.
+    OfLeaves(RgbaImage),
+    /// A picture through which light passes, coloured by it.
+    OfGlass(RgbaImage),
+    /// One linear colour.
+    Of([f32; 3]),
+}
+
+/// A glTF file with one node and one material a surface, each with the names of both.
+pub(crate) fn glb(parts: &[([&str; 2], &Surface, Made)]) -> Result<Vec<u8>, Box<dyn Error>> {
     let mut file = File::default();
-    let mut png = Vec::new();
-    leaves.2.write_to(&mut Cursor::new(&mut png), ImageFormat::Png)?;
-    let picture = file.view(&png, json!({}));
-    let meshes = [file.mesh(leaves.1, 0), file.mesh(wood.1, 1)];
-    let [r, g, b] = wood.2.map(|c| millimetres(f64::from(c)));
-    let root = json!({
+    let (mut images, mut materials) = (Vec::new(), Vec::new());
+    for ([_, name], _, made) in parts {
+        if let Made::OfLeaves(picture) | Made::OfGlass(picture) = made {
+            let mut png = Vec::new();
+            picture.write_to(&mut Cursor::new(&mut png), ImageFormat::Png)?;
+            images.push(json!({ "bufferView": file.view(&png, json!({})), "mimeType": "image/png" }));
+        }
+        let pictured =
+            json!({ "baseColorTexture": { "index": images.len().saturating_sub(1) }, "metallicFactor": 0.0 });
+        materials.push(match made {
+            Made::OfLeaves(_) => json!({
+                "name": name, "alphaMode": "MASK", "alphaCutoff": 0.5, "doubleSided": true,
+                "pbrMetallicRoughness": pictured
+            }),
+            Made::OfGlass(_) => json!({
+                "name": name, "doubleSided": true, "pbrMetallicRoughness": pictured,
+                "extensions": { "KHR_materials_transmission": { "transmissionFactor": 1.0 } }
+            }),
+            Made::Of(color) => {
+                let [r, g, b] = color.map(|c| millimetres(f64::from(c)));
+                json!({ "name": name, "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0 } })
+            }
+        });
+    }
+    let meshes: Vec<Value> =
+        parts.iter().enumerate().map(|(index, (_, surface, _))| file.mesh(surface, index)).collect();
+    let mut root = json!({
         "asset": { "version": "2.0", "generator": "unscatter 03_demo_scenes" },
         "scene": 0,
-        "scenes": [{ "nodes": [0, 1] }],
-        "nodes": [{ "name": leaves.0, "mesh": 0 }, { "name": wood.0, "mesh": 1 }],
+        "scenes": [{ "nodes": (0..parts.len()).collect::<Vec<_>>() }],
+        "nodes": parts.iter().enumerate().map(|(mesh, ([name, _], ..))| json!({ "name": name, "mesh": mesh })).collect::<Vec<_>>(),
         "meshes": meshes,
-        "materials": [
-            {
-                "name": "leaf", "alphaMode": "MASK", "alphaCutoff": 0.5, "doubleSided": true,
-                "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 }, "metallicFactor": 0.0 }
-            },
-            { "name": "bark", "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0 } }
-        ],
-        "textures": [{ "source": 0 }],
-        "images": [{ "bufferView": picture, "mimeType": "image/png" }],
+        "materials": materials,
+        "textures": (0..images.len()).map(|image| json!({ "source": image })).collect::<Vec<_>>(),
+        "images": images,
         "accessors": file.accessors,
         "bufferViews": file.views,
         "buffers": [{ "byteLength": file.bytes.len() }],
     });
+    if parts.iter().any(|(.., made)| matches!(made, Made::OfGlass(_))) {
+        root["extensionsUsed"] = json!(["KHR_materials_transmission"]);
+    }
     Ok(container(&serde_json::to_vec(&root)?, &file.bytes))
 }
 

@@ -15,6 +15,7 @@ use unscatter::scene::VolumeScene;
 use unscatter::visibility::Geometry;
 
 mod canvas;
+mod chapel;
 mod citadel;
 mod cloud;
 mod forest;
@@ -31,6 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("strokes"), PathBuf::from);
     std::fs::create_dir_all(&folder)?;
     std::fs::write(folder.join("forest.glb"), forest::model()?)?;
+    std::fs::write(folder.join("chapel.glb"), chapel::windows()?)?;
     let demos = [
         // As many pixels as Kol 2017, fig. 17.
         Demo {
@@ -39,6 +41,13 @@ fn main() -> Result<(), Box<dyn Error>> {
             share: 0.42,
             brush: 0.395,
             pixels: 41_240..=42_500,
+        },
+        Demo {
+            document: chapel::document(),
+            shafts: chapel::shafts(),
+            share: 0.5,
+            brush: 0.4,
+            pixels: 4_000..=20_000,
         },
         Demo {
             document: forest::document(),
@@ -55,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             pixels: 50_000..=65_000,
         },
     ];
-    demos.into_iter().zip(["citadel", "forest", "nave"]).try_for_each(|(demo, name)| {
+    demos.into_iter().zip(["citadel", "chapel", "forest", "nave"]).try_for_each(|(demo, name)| {
         let path = folder.join(name).with_extension("json");
         demo.write(&path)
     })?;

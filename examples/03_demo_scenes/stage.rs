@@ -44,6 +44,9 @@ pub(crate) struct Wall {
     pub(crate) z: [f64; 2],
 }
 
+/// Of stone.
+const SOLID: Channels = Channels::Grey(0.0);
+
 /// Columns that an arch is made of.
 const COLUMNS: usize = 14;
 
@@ -62,7 +65,7 @@ impl Stage {
     pub(crate) fn ground(&mut self, [x, z]: [[f64; 2]; 2], y: f64) {
         let center = [0.5 * (x[0] + x[1]), y, 0.5 * (z[0] + z[1])];
         let sides = [[0.0, 0.0, z[1] - z[0]], [x[1] - x[0], 0.0, 0.0]];
-        let plane = PlaneShape { center, sides, albedo: self.albedo, to_world: None };
+        let plane = PlaneShape { center, sides, albedo: self.albedo, transmittance: SOLID, to_world: None };
         self.occluders.push(Occluder::Plane(plane));
     }
 
@@ -70,7 +73,7 @@ impl Stage {
     pub(crate) fn block(&mut self, [x, y, z]: [[f64; 2]; 3]) {
         let center = [x, y, z].map(|side| millimetres(0.5 * (side[0] + side[1])));
         let size = [x, y, z].map(|side| millimetres(side[1] - side[0]));
-        let block = BoxShape { center, size, albedo: self.albedo, to_world: None };
+        let block = BoxShape { center, size, albedo: self.albedo, transmittance: SOLID, to_world: None };
         self.occluders.push(Occluder::Box(block));
     }
 
@@ -78,7 +81,8 @@ impl Stage {
     pub(crate) fn pillar(&mut self, [x, z]: [f64; 2], radius: f64, y: [f64; 2]) {
         let [from, to] = y.map(|y| [x, y, z].map(millimetres));
         let radius = millimetres(radius);
-        let pillar = CylinderShape { from, to, radius, albedo: self.albedo, to_world: None };
+        let pillar =
+            CylinderShape { from, to, radius, albedo: self.albedo, transmittance: SOLID, to_world: None };
         self.occluders.push(Occluder::Cylinder(pillar));
     }
 
@@ -90,6 +94,7 @@ impl Stage {
             to,
             radius,
             albedo: self.albedo,
+            transmittance: SOLID,
             to_world: None,
         }));
     }
@@ -103,6 +108,7 @@ impl Stage {
             to,
             radius,
             albedo: self.albedo,
+            transmittance: SOLID,
             to_world: None,
         }));
     }
