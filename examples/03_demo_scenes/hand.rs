@@ -10,7 +10,7 @@ use unscatter::io::scene_file::{
 };
 
 use crate::canvas::{self, Ink};
-use crate::stage::{camera, sun, volume, weight};
+use crate::stage::{camera, sun, volume};
 
 /// Pixels along each side of the pictures.
 const SIDE: u32 = 480;
@@ -60,10 +60,6 @@ pub(crate) fn write(folder: &Path) -> Result<VolumeDocument, Box<dyn Error>> {
         ..Environment::default()
     });
     document.background = Some(Channels::Rgb([0.012, 0.014, 0.02]));
-    // Without a pull, what lies deep in the smoke would be made to glow for the sake of the rims of the paint.
-    document.solve.tikhonov = weight(0.03);
-    document.solve.gradient = Some(weight(0.02));
-    document.solve.iterations = 30;
     Ok(document)
 }
 

@@ -2,8 +2,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::Formulation;
 use super::cells::{Cells, numbered};
+use super::{Formulation, Part};
 use crate::operator::{
     Blocks, Bounds, CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Metric, NOWHERE,
     Neighbours, Restricted, Scaled, Scaling, Stacked, Tiling, TransportOperator, Vector, Weighted, brought,
@@ -166,7 +166,9 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         let norm = square.sqrt();
         let joins = settings.regularization.gradient != RegularizationWeight::Relative(0.0);
         let cells = if joins { cells_of(problem, &reached) } else { None };
+        let spread = if joins { spread(problem) } else { Vec::new() };
         let columns = match (settings.skip.unknowns, &cells) {
+            (true, None) if !spread.is_empty() => union(&reached, &spread),
             (true, None) => reached,
             (true, Some(cells)) => {
                 let mut columns = reached;
@@ -285,7 +287,7 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         }
         let mut places = problem.places(&self.columns);
         if !settings.skip.unknowns {
-            let reached = reached(coverage);
+            let reached = union(&reached(coverage), &spread(problem));
             let alone = places.iter_mut().zip(&self.columns);
             let alone = alone.filter(|(_, column)| reached.binary_search(column).is_err());
             alone.for_each(|(place, _)| *place = NOWHERE);
@@ -455,6 +457,25 @@ fn weighted<'a, V: Indexed + 'static, R: Vector + 'static>(
     let mut targets = brought(weighted.range(), targets)?;
     weighted.weigh(&mut targets);
     Ok((Stacked::new(weighted), targets))
+}
+
+/// The elements of lattices of more than two axes that are joined to what is found. Nothing is skipped by making cells of them: a voxel that
+/// no row reaches is the exception.
+fn spread(problem: &Formulation) -> Vec<u32> {
+    let is_solid = |part: &&(_, &Part)| part.1.lattice.is_some_and(|lattice| lattice.size.len() > 2);
+    let ranges = problem.ranges().map(|(range, part)| (range, part));
+    ranges
+        .filter(|part| is_solid(&part))
+        .flat_map(|(range, part)| part.joined.iter().map(move |&element| element + range.start as u32))
+        .collect()
+}
+
+/// All of two lists in increasing order, in increasing order.
+fn union(a: &[u32], b: &[u32]) -> Vec<u32> {
+    let mut all = [a, b].concat();
+    all.sort_unstable();
+    all.dedup();
+    all
 }
 
 /// Cells over the elements of the first part that are joined to what is found; none where none are. Only a plane lattice has some.

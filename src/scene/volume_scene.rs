@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
 use super::{
-    DirectionalLight, Environment, Image, Interpolation, LightBasis, Mesh, Opacity, Rgb, SolveSettings,
-    Target, View, Volume,
+    DirectionalLight, Environment, Image, Interpolation, LightBasis, Mesh, Opacity, Regularization, Rgb,
+    SolveSettings, Target, View, Volume,
 };
 
 /// Everything that a volume solve starts from.
@@ -43,6 +43,10 @@ pub struct VolumeScene {
     pub pull: [f64; 2],
     /// Whether voxels outside the visual hull of the masks are left out.
     pub hull: bool,
+    /// Whether views are painted: then there is not one row a voxel and more, and what paint leaves open is smooth.
+    pub is_painted: bool,
+    /// What lights of an environment that is looked for are pulled to, in place of `solve.regularization`.
+    pub regularization_of_sky: Regularization,
     /// How problems are solved.
     pub solve: SolveSettings,
     /// Stops by which PNG pictures are brightened; EXR pictures hold radiance as it is.

@@ -149,6 +149,8 @@ pub fn scene(medium: VolumeMedium, environment: Environment, cameras: Vec<Camera
         bounds: PropertyBounds::default(),
         pull: [1.0; 2],
         hull: true,
+        is_painted: false,
+        regularization_of_sky: regularization,
         solve: SolveSettings { regularization, iterations: 400, tolerance: 1e-6, ..SolveSettings::default() },
         exposure: 0.0,
     }

@@ -791,10 +791,11 @@ fn what_is_not_there_is_told_and_what_is_glass_lets_light_through() {
     ]);
     let primitive = |material| json!({"attributes": {"POSITION": 0}, "indices": 2, "material": material});
     file["meshes"][0]["primitives"] = (0..7).map(primitive).collect();
-    let mesh = mesh(&file).unwrap();
-    assert_eq!(mesh.triangles.len(), 12);
+    let glass = mesh(&file).unwrap();
+    assert_eq!(glass.triangles.len(), 12);
     let passes = |name: &str| {
-        let material = mesh.materials.iter().find(|material| material.name.as_deref() == Some(name)).unwrap();
+        let material =
+            glass.materials.iter().find(|material| material.name.as_deref() == Some(name)).unwrap();
         material.glass.as_ref().map(|glass| glass.transmittance)
     };
     for (name, expected) in [
@@ -815,11 +816,11 @@ fn what_is_not_there_is_told_and_what_is_glass_lets_light_through() {
         ["2 of its triangles left out, because the alpha of their material is below its cut-off: `Air`"]
     );
     file["meshes"][0]["primitives"] = json!([primitive(0)]);
-    let refused = message(super::tests::mesh(&file));
+    let refused = message(mesh(&file));
     assert!(refused.contains("below its cut-off (2 left out)"), "{refused}");
     file["materials"][3]["extensions"] = transmission(1.5);
     file["meshes"][0]["primitives"] = json!([primitive(3)]);
-    assert!(message(super::tests::mesh(&file)).contains("the transmission of material Glass is 1.5"));
+    assert!(message(mesh(&file)).contains("the transmission of material Glass is 1.5"));
 }
 
 #[test]

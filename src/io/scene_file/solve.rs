@@ -34,10 +34,12 @@ pub struct Solve {
     /// Largest radiance of a texel: one number or [r, g, b]; no bound when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub upper: Option<Channels>,
-    /// Pull towards the start; 0 for none.
-    pub tikhonov: Weight,
-    /// Pull towards equal neighbours; 0 for none. When not given it is 0 for volumes, and for light maps (n / 512)³, n² being their texels: so
-    /// maps of any size are equally smooth.
+    /// Pull towards the start; 0 for none. When not given it is 2⁻⁹, and for volumes that are painted 25 n / 2¹⁹, n³ being their voxels with
+    /// extinction: what paint leaves open then fades over n/5 voxels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tikhonov: Option<Weight>,
+    /// Pull towards equal neighbours; 0 for none. When not given it is (n / 512)³ for light maps, n² being their texels, and (n / 2)³ / 2¹⁶ for
+    /// volumes that are painted: so those of any size are equally smooth. For volumes of which there are pictures it is 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gradient: Option<Weight>,
     /// Pull towards the mean of the neighbours; 0 for none.
@@ -171,7 +173,7 @@ impl Default for Solve {
             noise: settings.noise,
             lower: Channels::Rgb(settings.bounds[0]).simplest(),
             upper: None,
-            tikhonov: settings.regularization.tikhonov.into(),
+            tikhonov: None,
             gradient: None,
             laplacian: settings.regularization.laplacian.into(),
             fade: None,
@@ -190,6 +192,11 @@ impl Default for Solve {
 const GRADIENT: f64 = 1.0;
 const GRADIENT_AT: f64 = 512.0 * 512.0;
 const FADE: f64 = 1.0 / 32.0;
+/// Pull to the start of all that is not painted in volumes: the papers' (Klehm 2015, sec. 7.4).
+const TIKHONOV: f64 = 1.0 / 512.0;
+/// Pull to equal neighbours a voxel of a painted medium, and the part of its width over which what was found fades: measured in docs/volumes.md.
+const PAINTED: f64 = 1.0 / 524_288.0;
+const FADES: f64 = 5.0;
 const ITERATIONS: [usize; 2] = [1, 1_000_000];
 const STEPS: [u32; 2] = [1, 100_000];
 
@@ -209,15 +216,24 @@ impl Solve {
                 )?)
             }
         };
-        Ok(SolveSettings { basis, fade, ..self.build(self.gradient_of_light_map(texels))? })
+        Ok(SolveSettings {
+            basis,
+            fade,
+            ..self.build([TIKHONOV.into(), self.gradient_of_light_map(texels)])?
+        })
     }
 
-    /// The settings of a solve for a volume.
-    pub(super) fn build_volume(&self) -> Built<SolveSettings> {
+    /// The settings of a solve for a volume; of one that is painted with its voxels with extinction.
+    pub(super) fn build_volume(&self, painted: Option<usize>) -> Built<SolveSettings> {
         if let Some(fade) = self.fade {
             return Err(Flaw::value("fade", fade, "left away: it is for light maps"));
         }
-        let settings = self.build(self.gradient.unwrap_or_else(|| 0.0.into()))?;
+        let [tikhonov, gradient] = painted.map_or([TIKHONOV, 0.0], |voxels| {
+            let gradient = voxels as f64 * PAINTED;
+            // Differences over so many voxels weigh as much as the distance to the start.
+            [gradient * (FADES / (voxels.max(1) as f64).cbrt()).powi(2), gradient]
+        });
+        let settings = self.build([tikhonov.into(), self.gradient.unwrap_or_else(|| gradient.into())])?;
         Ok(SolveSettings { basis: scene::Basis::Nearest, ..settings })
     }
 
@@ -229,20 +245,24 @@ impl Solve {
     /// Puts in the settings that are not given, for a light map of so many texels.
     pub(super) fn settle_light_map(&mut self, texels: usize) {
         self.gradient = Some(self.gradient_of_light_map(texels));
+        self.tikhonov.get_or_insert_with(|| TIKHONOV.into());
     }
 
-    /// Puts in the settings that are not given, for a volume.
+    /// Puts in the settings that are not given, for a volume that is not painted. They follow from the medium of one that is.
     pub(super) fn settle_volume(&mut self) {
         self.gradient.get_or_insert_with(|| 0.0.into());
+        self.tikhonov.get_or_insert_with(|| TIKHONOV.into());
     }
 
-    fn build(&self, gradient: Weight) -> Built<SolveSettings> {
+    /// With these pulls to the start, where none is given, and to equal neighbours.
+    fn build(&self, [tikhonov, gradient]: [Weight; 2]) -> Built<SolveSettings> {
+        let tikhonov = self.tikhonov.unwrap_or(tikhonov);
         let regularization = Regularization {
-            tikhonov: self.tikhonov.build("tikhonov")?,
+            tikhonov: tikhonov.build("tikhonov")?,
             gradient: gradient.build("gradient")?,
             laplacian: self.laplacian.build("laplacian")?,
         };
-        let open = [("tikhonov", self.tikhonov), ("gradient", gradient), ("laplacian", self.laplacian)];
+        let open = [("tikhonov", tikhonov), ("gradient", gradient), ("laplacian", self.laplacian)];
         if let Some((name, _)) = open.iter().filter(|(_, weight)| weight.is_open()).nth(1) {
             return Err(Flaw::new(
                 *name,
@@ -373,9 +393,14 @@ mod tests {
     fn an_empty_object_is_the_default_of_the_library() {
         let solve: Solve = serde_json::from_str("{}").unwrap();
         assert_eq!(
-            solve.build_volume().unwrap(),
+            solve.build_volume(None).unwrap(),
             SolveSettings { basis: scene::Basis::Nearest, ..SolveSettings::default() }
         );
+        // 64³ painted voxels: ½, and the distance to the start as differences over 64/5 voxels.
+        let painted = solve.build_volume(Some(64 * 64 * 64)).unwrap().regularization;
+        assert_eq!(painted.gradient, scene::RegularizationWeight::Relative(0.5));
+        let scene::RegularizationWeight::Relative(tikhonov) = painted.tikhonov else { unreachable!() };
+        assert!((tikhonov - 0.5 * (5.0 / 64.0_f64).powi(2)).abs() < 1e-12, "{tikhonov}");
         let regularization = Regularization {
             gradient: scene::RegularizationWeight::Relative(GRADIENT),
             ..Regularization::default()

@@ -62,6 +62,8 @@ pub struct VolumeProblem {
     /// The place of each element among those of its kind.
     places: Vec<u32>,
     kinds: Vec<ElementKind>,
+    /// The numbers of all elements of the largest kind, where what is found spreads to those that no row reaches; else none.
+    joined: Vec<u32>,
     grey: bool,
 }
 
@@ -80,7 +82,7 @@ impl VolumeProblem {
         if find == Find::Refinement {
             return Self::linearized(scene, medium, optics, desired);
         }
-        let searched = Searched::new(scene, medium, optics, find)?;
+        let mut searched = Searched::new(scene, medium, optics, find)?;
         let (pixels, unwanted) = wanted_pixels(scene, desired);
         let rays = open_rays(scene, &pixels);
         let lengths = optics.lengths(&rays);
@@ -115,6 +117,9 @@ impl VolumeProblem {
                 (0..3).for_each(|c| wanted[c] += f64::from(weight[c]) * f64::from(shown[c]).powi(2));
             }
         }
+        if scene.is_painted && matches!(find, Find::Emission | Find::Joint) {
+            searched.bound_emission(&all, &kept, &targets);
+        }
         let mut grey = searched.parts.iter().all(|part| is_grey(&all, part));
         let traversal = match seen {
             None => VolumeRows::Voxels(all.along(all.rays().picked(&kept))),
@@ -140,8 +145,10 @@ impl VolumeProblem {
         searched: Searched,
     ) -> Self {
         let plan = WalkPlan::of(&traversal, grey);
-        let Searched { start, places, kinds, outside_hull, .. } = searched;
+        let Searched { start, places, kinds, outside_hull, spreads, .. } = searched;
+        let largest = kinds.iter().map(|kind| kind.len as u32).max().filter(|_| spreads);
         Self {
+            joined: (0..largest.unwrap_or_default()).collect(),
             find,
             traversal,
             targets,
@@ -183,7 +190,11 @@ impl VolumeProblem {
             MetricName::Auto => MetricName::Sqs,
             metric => metric,
         };
-        SolveSettings { bounds, metric, ..scene.solve.clone() }
+        let regularization = match find {
+            Find::Environment => scene.regularization_of_sky,
+            _ => scene.solve.regularization,
+        };
+        SolveSettings { bounds, metric, regularization, ..scene.solve.clone() }
     }
 
     /// The same problem with its rows view by view and row by row of their pictures.
@@ -205,6 +216,7 @@ impl VolumeProblem {
             start: self.start.clone(),
             places: self.places.clone(),
             kinds: self.kinds.clone(),
+            joined: self.joined.clone(),
             ..*self
         }
     }
@@ -305,7 +317,7 @@ impl Problem for VolumeProblem {
             bounds: kind.bounds,
             pull: kind.pull,
             lattice: Some(Lattice { size: &kind.size, places: Some(&self.places[elements]) }),
-            joined: &[],
+            joined: self.joined.get(..kind.len).unwrap_or_default(),
             fade: 0.0,
             scale: 0,
         });

@@ -2,12 +2,15 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::Optics;
 use super::environment::lit_voxels;
 use super::hull::visual_hull;
 use crate::cpu::near_medium;
-use crate::march::{Density, Quantity, VoxelElements};
+use crate::march::{Density, Quantity, Traversal, VolumeTraversal, VoxelElements};
 use crate::operator::Scalars;
+use crate::problem::evenly;
 use crate::scene::{Find, Rgb, Volume, VolumeMedium, VolumeScene, VoxelGrid, VoxelSet};
 use crate::{Error, Result};
 
@@ -19,7 +22,15 @@ pub(super) struct Searched {
     pub(super) places: Vec<u32>,
     pub(super) kinds: Vec<ElementKind>,
     pub(super) outside_hull: usize,
+    /// Whether what is found spreads to elements that no row reaches.
+    pub(super) spreads: bool,
 }
+
+/// How much brighter than what is painted the medium may glow: where it is seen through others of its kind, paint asks for more than it
+/// shows.
+const BRIGHTER: f64 = 2.0;
+/// Rows that are looked at for what is painted.
+const ROWS: usize = 4096;
 
 /// So many elements that share a lattice, bounds and pull.
 #[derive(Debug, Clone)]
@@ -59,6 +70,8 @@ impl Searched {
             places: Vec::new(),
             kinds: Vec::new(),
             outside_hull: 0,
+            // A measured voxel that nobody sees is unknown; a painted one is like those beside it.
+            spreads: scene.is_painted && find != Find::Environment,
         };
         let mut add =
             |quantity, volume, bounds, pull| searched.add((scene, optics), quantity, volume, bounds, pull);
@@ -99,6 +112,38 @@ impl Searched {
             });
         }
         Ok(searched)
+    }
+
+    /// Bounds the emission of a painted volume where its scene does not: twice the brightest emission that would show what is wanted on a row
+    /// by itself, of rows that meet at least half as much medium as any. Without it, voxels at the rim glow far brighter than anything that was
+    /// painted.
+    ///
+    /// Shapes  targets: those of the rows `kept`, whose first part is emission
+    pub(super) fn bound_emission(&mut self, rows: &VolumeTraversal, kept: &[usize], targets: &[Rgb]) {
+        let emission = &mut self.kinds[0];
+        if emission.bounds[1].iter().any(|bound| bound.is_finite()) {
+            return;
+        }
+        let picked = evenly(ROWS, kept.len());
+        let weight = |&row: &usize| {
+            let mut sum = [0.0; 3];
+            rows.walk_shared(kept[row], &mut |element, weight: [f64; 3]| {
+                if element < emission.len {
+                    (0..3).for_each(|c| sum[c] += weight[c]);
+                }
+            });
+            sum
+        };
+        let weights: Vec<[f64; 3]> = picked.par_iter().map(weight).collect();
+        let start = &self.start[..emission.len];
+        emission.bounds[1] = std::array::from_fn(|c| {
+            let most = weights.iter().fold(0.0, |most: f64, weight| most.max(weight[c]));
+            let wanted =
+                picked.iter().zip(&weights).filter(|(_, weight)| weight[c] > 0.0 && weight[c] >= 0.5 * most);
+            let wanted = wanted.map(|(&row, weight)| f64::from(targets[row][c]) / weight[c]);
+            let start = start.iter().fold(0.0f32, |most, color| most.max(color[c]));
+            (BRIGHTER * wanted.fold(0.0, f64::max)).max(f64::from(start))
+        });
     }
 
     fn add(

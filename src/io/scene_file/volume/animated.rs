@@ -143,10 +143,11 @@ impl VolumeDocument {
             return Err(Flaw::new("", "the scene has no `animation`; add one with `frames` and `keys`"));
         };
         let stages = self.find.stages();
-        animation.check(&self.volume, &stages).at("animation")?;
+        let volume = self.settled_volume();
+        animation.check(&volume, &stages).at("animation")?;
         let mut assets = Assets::beside(file).within(self.solve.memory);
         let first = &animation.keys[0];
-        let medium = (&self.volume, &stages[..]);
+        let medium = (&volume, &stages[..]);
         let mut frames = None;
         let base = self.scene(file, &mut assets, |assets| {
             frames = box_of_frames(animation.extinctions(&self.volume), assets)?;

@@ -106,6 +106,12 @@ pub struct KeyView {
 }
 
 impl Animation {
+    /// Whether something is painted at any key.
+    pub(super) fn is_painted(&self) -> bool {
+        let mut views = self.keys.iter().flat_map(|key| &key.views);
+        views.any(|view| !view.strokes.is_empty() || !view.layers.is_empty())
+    }
+
     /// What can be said before anything is read.
     pub(super) fn check(&self, volume: &Volume, stages: &[Find]) -> Built<()> {
         within("frames", self.frames, [2, MOST_FRAMES])?;

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::animation::Animation;
 use super::environment::Environment;
 use super::field::GridSize;
-use super::properties::{Extinction, PropertyBounds, Volume, light_size};
+use super::properties::{Extinction, Interpolation, PropertyBounds, Volume, light_size};
 use super::view::VolumeView;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::channels::Channels;
@@ -174,6 +174,11 @@ pub struct Pull {
     pub albedo: f64,
 }
 
+fn voxels_with_extinction(medium: &VolumeMedium) -> usize {
+    let extinction = &medium.extinction;
+    (0..extinction.grid().len()).filter(|&index| extinction.color(index).iter().any(|&it| it > 0.0)).count()
+}
+
 /// What holds when it is not given.
 const ROUNDS: usize = 1;
 const HULL: bool = true;
@@ -220,9 +225,21 @@ impl VolumeDocument {
         if self.animation.is_some() {
             return Ok(self.animate(file)?.animation.keys.swap_remove(0).scene);
         }
-        let stages = self.find.stages();
+        let (stages, volume) = (self.find.stages(), self.settled_volume());
         let mut assets = Assets::beside(file).within(self.solve.memory);
-        self.scene(file, &mut assets, |assets| self.volume.build(assets, &stages, None).at("volume"))
+        self.scene(file, &mut assets, |assets| volume.build(assets, &stages, None).at("volume"))
+    }
+
+    /// Whether something is painted, on any view or at any key.
+    fn is_painted(&self) -> bool {
+        let at_a_key = self.animation.as_ref().is_some_and(Animation::is_painted);
+        at_a_key || self.views.iter().any(VolumeView::is_painted)
+    }
+
+    /// The volume with what it does not say and what follows from the rest.
+    pub(super) fn settled_volume(&self) -> Volume {
+        let usual = if self.is_painted() { Interpolation::Trilinear } else { Interpolation::Nearest };
+        Volume { interpolation: Some(self.volume.interpolation.unwrap_or(usual)), ..self.volume.clone() }
     }
 
     /// The scene around a medium.
@@ -249,7 +266,9 @@ impl VolumeDocument {
         if self.solve.fill {
             return Err(Flaw::new("solve.fill", "only light maps can be filled; leave it away"));
         }
-        let solve = self.solve.build_volume().at("solve")?;
+        let is_painted = self.is_painted();
+        // Lights are as many in a painted scene as in any other. So is what is wrong with the settings, before anything is read.
+        let regularization_of_sky = self.solve.build_volume(None).at("solve")?.regularization;
         let extinction = self.extinction.build().at("extinction")?;
         let bounds = self.bounds.build().at("bounds")?;
         let pull = |path: &str, value: f64| checked(path, value, "above 0", |pull| pull > 0.0);
@@ -273,6 +292,8 @@ impl VolumeDocument {
         let lights = lights.map(|(i, light)| light.build(assets).at(&format!("lights[{i}]")));
         let lights = lights.collect::<Built<_>>()?;
         let medium = medium(assets)?;
+        let voxels = is_painted.then(|| voxels_with_extinction(&medium));
+        let solve = self.solve.build_volume(voxels).at("solve")?;
         let views = self.build_views(assets, background)?;
         let mesh = mesh_of(&self.occluders, assets)?;
         Ok(VolumeScene {
@@ -293,6 +314,8 @@ impl VolumeDocument {
             bounds,
             pull,
             hull: self.hull.unwrap_or(HULL),
+            is_painted,
+            regularization_of_sky,
             solve,
             exposure,
         })
@@ -302,7 +325,10 @@ impl VolumeDocument {
     pub(in crate::io::scene_file) fn settle(&mut self, file: &Path) {
         self.schema = None;
         self.name.get_or_insert_with(|| stem(file));
-        self.solve.settle_volume();
+        self.volume = self.settled_volume();
+        if !self.is_painted() {
+            self.solve.settle_volume();
+        }
         self.rounds.get_or_insert(ROUNDS);
         self.lights.iter_mut().for_each(Light::settle);
         self.environment.get_or_insert_default().settle();

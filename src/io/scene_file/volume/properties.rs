@@ -35,10 +35,10 @@ pub struct Volume {
     /// Voxels along each axis for what is constant or made: N, or [x, y, z]; those of an extinction file when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size: Option<GridSize>,
-    /// What lies between the centres of voxels, and the basis of what is looked for.
-    #[serde(default, skip_serializing_if = "is_default")]
-    #[schemars(!skip_serializing_if)]
-    pub interpolation: Interpolation,
+    /// What lies between the centres of voxels, and the basis of what is looked for. When not given, `trilinear` where a view is painted, and
+    /// `nearest` where there are pictures alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interpolation: Option<Interpolation>,
     /// Mean cosine of the Henyey–Greenstein phase function, inside (−1, 1); 0 where there is environment light.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
@@ -196,7 +196,7 @@ impl Volume {
             albedo: field(&self.albedo, albedo, "albedo", &ALBEDO)?,
             emission: field(&self.emission, emission, "emission", &EMISSION)?,
             g: checked("g", self.g, "inside (-1, 1)", |g| g > -1.0 && g < 1.0)?,
-            interpolation: self.interpolation.into(),
+            interpolation: self.interpolation.unwrap_or_default().into(),
             extinction: Arc::new(extinction),
         })
     }
@@ -208,7 +208,7 @@ impl Volume {
         of_another: Option<&VoxelGrid>,
     ) -> Built<Place> {
         let to_world = self.to_world.as_ref().map(Transform::build).transpose().at("to_world")?;
-        Ok(Place::new(to_world, of_extinction, of_another, self.interpolation.into()))
+        Ok(Place::new(to_world, of_extinction, of_another, self.interpolation.unwrap_or_default().into()))
     }
 }
 

@@ -70,6 +70,11 @@ impl VolumeView {
         }
     }
 
+    /// Whether something is painted on it.
+    pub(super) fn is_painted(&self) -> bool {
+        !self.strokes.is_empty() || !self.layers.is_empty()
+    }
+
     /// Puts in the settings that are not given.
     pub(super) fn settle(&mut self) {
         self.camera.settle();
