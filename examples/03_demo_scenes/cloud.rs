@@ -12,7 +12,7 @@ use unscatter::io::scene_file::{
 use unscatter::scene::{Camera, VolumeScene};
 
 use crate::canvas;
-use crate::stage::{camera, millimetres, sun, volume};
+use crate::stage::{camera, millimetres, sun, volume, weight};
 
 /// Puffs: middle and radius.
 const PUFFS: [([f64; 3], f64); 19] = [
@@ -87,6 +87,9 @@ pub(crate) fn write(folder: &Path) -> Result<VolumeDocument, Box<dyn Error>> {
     });
     document.light_size = Some(GridSize::Sides([44, 24, 32]));
     document.exposure = 0.3;
+    document.solve.tikhonov = Some(weight(0.02));
+    document.solve.gradient = Some(weight(0.02));
+    document.solve.iterations = 15;
     // Half of the cloud lies behind what can be seen of it.
     document.solve.transmittance_bound = 1e-3;
     Ok(document)

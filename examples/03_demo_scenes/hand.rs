@@ -51,6 +51,7 @@ pub(crate) fn write(folder: &Path) -> Result<VolumeDocument, Box<dyn Error>> {
     let views = vec![front, view("side", [3.6, -0.05, 0.0])];
     let mut volume = volume(GridSize::Cube(128), Field::made(smoke()), [[-1.0; 3], [1.0; 3]]);
     volume.albedo = Field::Constant(Channels::Grey(0.85));
+    volume.interpolation = None;
     let mut document = VolumeDocument::new(volume, Find::Joint, views);
     document.name = Some("Hand".to_owned());
     document.lights.push(sun([0.6, -0.7, -0.6], [9.0, 8.0, 6.6]));

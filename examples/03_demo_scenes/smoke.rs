@@ -8,7 +8,7 @@ use unscatter::io::scene_file::{
 use unscatter::scene::{Camera, VolumeScene};
 
 use crate::cloud::tenths;
-use crate::stage::{camera, millimetres, sun, volume};
+use crate::stage::{camera, millimetres, sun, volume, weight};
 
 /// Frames, and which of them are painted.
 const FRAMES: usize = 24;
@@ -82,6 +82,9 @@ pub(crate) fn document() -> VolumeDocument {
     document.light_size = Some(GridSize::Sides([26, 42, 26]));
     document.background = Some(Channels::Rgb([0.01, 0.012, 0.018]));
     document.exposure = 0.5;
+    document.solve.tikhonov = Some(weight(0.02));
+    document.solve.gradient = Some(weight(0.02));
+    document.solve.iterations = 30;
     document.solve.transmittance_bound = 1e-3;
     document
 }

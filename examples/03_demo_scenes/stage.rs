@@ -4,8 +4,8 @@ use unscatter::io::scene_file::{
     BoxShape, Channels, CylinderShape, Extent, Field, GridSize, Light, Occluder,
 };
 use unscatter::io::scene_file::{Camera, FovAxis, MapSize, PlaneShape, ShadowMap, Transform, View};
-use unscatter::io::scene_file::{Scale, Volume};
-use unscatter::scene::LightFrame;
+use unscatter::io::scene_file::{Interpolation, Scale, Volume, Weight};
+use unscatter::scene::{LightFrame, RegularizationWeight};
 
 use glam::DVec3;
 
@@ -219,10 +219,15 @@ pub(crate) fn volume(size: GridSize, extinction: Field, [low, high]: [[f64; 3]; 
         emission: Field::Constant(Channels::Grey(0.0)),
         to_world: Some(place),
         size: Some(size),
-        interpolation: None,
+        interpolation: Some(Interpolation::Nearest),
         g: 0.0,
         refraction: None,
     }
+}
+
+/// The weight of a regularizer, relative to the columns.
+pub(crate) fn weight(relative: f64) -> Weight {
+    RegularizationWeight::Relative(relative).into()
 }
 
 /// A shadow map of `size`² texels that covers the box between two corners.

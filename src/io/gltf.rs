@@ -12,6 +12,7 @@ mod instances;
 mod material;
 mod node_tree;
 mod picture;
+mod texture;
 mod triangles;
 mod unread;
 

@@ -1,48 +1,18 @@
 use std::sync::Arc;
 
-use glam::DVec3;
-
 use super::basis::{Bilinear, NearestTexel, TexelWindow};
 use super::lit::{
     Colored, Light, LitStretch, LitStretches, SeenPane, SeenPanes, add_extinguished, reached, weight_between,
 };
 use super::texels::{TexelRay, grid_ray};
+use super::view_ray::ViewRay;
 use super::visibility::{clip, shadow_ray};
 use super::{FurtherWeights, Real, Traversal, Weight};
-use crate::scene::{Basis, Grid, LightFrame, Medium, Quadrature, Ray};
+use crate::scene::{Basis, Grid, Quadrature};
 use crate::visibility::ShadowMap;
 
 /// Level of the pyramid of a mask at which the search along short stretches begins.
 const NEARBY: usize = 3;
-
-/// A view ray in the frame of the light, up to the first surface.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ViewRay {
-    /// The eye, (u, v, w) in metres.
-    pub origin: DVec3,
-    /// Direction in the frame of the light; of unit length.
-    pub direction: DVec3,
-    /// Distance to the first solid surface in metres; infinite where there is none.
-    pub length: f64,
-    /// Scattering factor ρ f(θ) a channel, constant along the ray because the light is parallel.
-    pub scattering: [f64; 3],
-}
-
-impl ViewRay {
-    /// The ray in the frame of a light whose light travels along the frame's third axis. `length` is in metres up to
-    /// the first surface, infinite where there is none.
-    pub fn new(ray: &Ray, length: f64, frame: &LightFrame, medium: &Medium) -> Self {
-        let direction = frame.light_from_world(ray.direction);
-        // Light that travels along +w leaves towards the eye, against the view ray.
-        let phase = medium.phase(-direction.z);
-        Self {
-            origin: frame.light_from_world(ray.origin),
-            direction,
-            length,
-            scattering: medium.albedo.map(|albedo| albedo * phase),
-        }
-    }
-}
 
 /// What all rays of a light-map problem share.
 #[derive(Debug, Clone)]

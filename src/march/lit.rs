@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::light_map::ViewRay;
 use super::texels::TexelRay;
+use super::view_ray::ViewRay;
 use super::visibility::{ShadowRay, shadow_ray};
 use super::{Real, least, most};
 use crate::visibility::{Behind, Pane, ShadowMap};

@@ -9,13 +9,15 @@ mod further_weights;
 mod light_map;
 mod lit;
 mod texels;
+mod view_ray;
 mod visibility;
 mod volume;
 
 pub use exponential::{SERIES_0, SERIES_2};
 pub use further_weights::{FurtherWeights, Reflected};
-pub use light_map::{LightMapTransport, LightMapTraversal, LitRay, RowExtent, ViewRay};
+pub use light_map::{LightMapTransport, LightMapTraversal, LitRay, RowExtent};
 pub use lit::{LitStretch, SeenPane, SeenPanes, lit_stretches, weight_between};
+pub use view_ray::ViewRay;
 #[cfg(feature = "gpu")]
 pub(crate) use volume::{CellRay, Line};
 pub use volume::{

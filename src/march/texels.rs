@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use super::basis::Piece;
-use super::light_map::ViewRay;
+use super::view_ray::ViewRay;
 use super::{Real, least};
 use crate::scene::Grid;
 

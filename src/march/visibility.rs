@@ -1,7 +1,7 @@
 //! The lit stretches of a ray, found through the min-max pyramid of the shadow map.
 
-use super::light_map::ViewRay;
 use super::texels::{grid_ray, inverse};
+use super::view_ray::ViewRay;
 use super::{Real, least, most};
 use crate::visibility::ShadowMap;
 

@@ -462,10 +462,10 @@ fn weighted<'a, V: Indexed + 'static, R: Vector + 'static>(
 /// The elements of lattices of more than two axes that are joined to what is found. Nothing is skipped by making cells of them: a voxel that
 /// no row reaches is the exception.
 fn spread(problem: &Formulation) -> Vec<u32> {
-    let is_solid = |part: &&(_, &Part)| part.1.lattice.is_some_and(|lattice| lattice.size.len() > 2);
-    let ranges = problem.ranges().map(|(range, part)| (range, part));
-    ranges
-        .filter(|part| is_solid(&part))
+    let is_solid = |part: &Part| part.lattice.is_some_and(|lattice| lattice.size.len() > 2);
+    problem
+        .ranges()
+        .filter(|(_, part)| is_solid(part))
         .flat_map(|(range, part)| part.joined.iter().map(move |&element| element + range.start as u32))
         .collect()
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::mesh::{Wrap, neighbours};
+use super::wrap::{Wrap, neighbours};
 use super::{Rgb, rgb};
 use crate::{Error, Result};
 

@@ -25,6 +25,7 @@ mod view;
 mod volume;
 mod volume_scene;
 mod voxel_set;
+mod wrap;
 
 use std::sync::Arc;
 
@@ -38,7 +39,7 @@ pub use lens::{Lens, Projection};
 pub use light::{DirectionalLight, LightFrame};
 pub use light_basis::{BasisLight, LightBasis, Over};
 pub use medium::{Medium, henyey_greenstein};
-pub use mesh::{AlphaMask, Material, Mesh, Object, Wrap};
+pub use mesh::{AlphaMask, Material, Mesh, Object};
 pub use primitive::Primitive;
 pub use procedural::{Blob, Noise, Procedural};
 pub use settings::{
@@ -52,6 +53,7 @@ pub use view::View;
 pub use volume::{Interpolation, Samples, Volume, VoxelGrid};
 pub use volume_scene::{ExtinctionSettings, Find, PropertyBounds, VolumeMedium, VolumeScene, VolumeView};
 pub use voxel_set::{BRICK, VoxelSet};
+pub use wrap::Wrap;
 
 /// One colour or one value a channel: linear Rec. 709.
 pub type Rgb = [f32; 3];

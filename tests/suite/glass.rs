@@ -46,10 +46,10 @@ fn room(sigma_t: f64, size: [usize; 2]) -> Scene {
         "medium": {"sigma_t": sigma_t, "albedo": 0.9, "g": 0},
         "occluders": occluders,
         "views": [{"name": "room", "camera": {
-            "to_world": {"look_at": {"origin": [1.5, 1.2, 5.05], "target": [0, 1.5, 0]}}, "fov": 44, "size": size
+            "to_world": {"look_at": {"origin": [1.5, 1.2, 5.05], "target": [0, 1.5, 0]}}, "fov": 44, "fov_axis": "x", "size": size
         }}],
         // The edges of panes lie between texels.
-        "shadow_map": {"size": 64, "extent": {"min": [-2, -2], "max": [2, 2]}},
+        "shadow_map": {"size": 512, "extent": {"min": [-16, -16], "max": [16, 16]}},
         "light_map": {"size": 8, "extent": {"min": [-2, -2], "max": [2, 2]}}
     });
     let folder = tempfile::tempdir().unwrap();
@@ -71,11 +71,19 @@ fn a_window_of_four_panes_colours_the_shafts() {
     let scene = room(0.2, [32, 24]);
     let picture = scattered(&scene);
     // The whole integral for some pixels, from the definition: no map, no geometry.
-    let brute_force = |x: usize, y: usize| -> [f64; 3] {
+    let brute_force = |x: usize, y: usize| -> Option<[f64; 3]> {
         let ray = scene.views[0].camera.pixel_ray(x, y);
         let ends = [(-5.05 - ray.origin.z) / ray.direction.z, (-0.01 - ray.origin.y) / ray.direction.y];
         let roof = (3.0 - ray.origin.y) / ray.direction.y;
-        let end = ends.into_iter().chain([roof]).filter(|&t| t > 0.0).fold(f64::INFINITY, f64::min);
+        let end = ends.into_iter().filter(|&t| t > 0.0).fold(f64::INFINITY, f64::min);
+        if (0.0..end).contains(&roof) {
+            let DVec3 { x, z, .. } = ray.at(roof);
+            // Through the window one sees the light above it.
+            if x.abs() < 1.0 && z.abs() < 1.0 {
+                return None;
+            }
+        }
+        let end = if roof > 0.0 { end.min(roof) } else { end };
         let phase = 1.0 / (4.0 * std::f64::consts::PI);
         let step = end / STEPS as f64;
         let mut sum = [0.0; 3];
@@ -90,12 +98,12 @@ fn a_window_of_four_panes_colours_the_shafts() {
                 (0..3).for_each(|c| sum[c] += weight * passes[c] * f64::from(scene.light.radiance[c]));
             }
         }
-        sum
+        Some(sum)
     };
     let (mut error, mut whole, mut hues) = (0.0, 0.0, std::collections::BTreeSet::new());
     for y in (0..24).step_by(3) {
         for x in 0..32 {
-            let (seen, expected) = (picture.at(x, y), brute_force(x, y));
+            let (seen, Some(expected)) = (picture.at(x, y), brute_force(x, y)) else { continue };
             for c in 0..3 {
                 error += (f64::from(seen[c]) - expected[c]).powi(2);
                 whole += expected[c].powi(2);
@@ -127,7 +135,8 @@ fn thin_fog_behind_panes_is_as_mitsuba_draws_it() {
         sum
     };
     let (mut sums, mut squares, mut largest, mut count) = ([[0.0; 2]; 3], 0.0, 0.0f64, 0.0);
-    for y in 0..24 {
+    // Above, rays pass through the window, and there is no fog of theirs.
+    for y in 4..24 {
         for x in 0..32 {
             let (ours, theirs, spread): (_, Rgb, Rgb) = (ours(x, y), mean.at(x, y), deviation.at(x, y));
             for c in 0..3 {

@@ -9,11 +9,11 @@ use gltf_json::validation::Checked;
 use serde_json::Value;
 
 use super::file::GltfFile;
-use super::material::{Coordinates, image, wraps};
-use super::picture::Pictures;
+use super::picture::{PicturedGlass, Pictures};
+use super::texture::{Coordinates, image, wraps};
 use crate::Result;
 use crate::io::film::passing;
-use crate::scene::{Glass, Rgb, Wrap};
+use crate::scene::{Glass, Rgb};
 
 /// How a material lets light through.
 #[derive(Debug, Clone)]
@@ -25,28 +25,6 @@ pub(super) struct Transmission {
     texture: Option<Info>,
     /// What passes of light on its way inside.
     inside: Rgb,
-}
-
-/// A picture whose every pixel says what passes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct PicturedGlass {
-    /// Of the base colour.
-    pub(super) base: Option<Index<Image>>,
-    /// Of the transmission.
-    pub(super) transmission: Option<Index<Image>>,
-    pub(super) color: [f32; 4],
-    pub(super) factor: f32,
-    pub(super) blends: bool,
-    pub(super) wrap: [Wrap; 2],
-}
-
-impl PicturedGlass {
-    /// What passes where the pictures have these values.
-    pub(super) fn passing(&self, color: Rgb, alpha: f32, transmission: f32) -> Rgb {
-        let color = [0, 1, 2].map(|c| self.color[c] * color[c]);
-        let alpha = if self.blends { self.color[3] * alpha } else { 1.0 };
-        passing(color, alpha, self.factor * transmission)
-    }
 }
 
 impl Transmission {

@@ -9,8 +9,8 @@ use gltf_json::image::Image;
 use image::{DynamicImage, GenericImageView, ImageDecoder, ImageError, ImageReader, Limits};
 
 use super::file::GltfFile;
-use super::glass::PicturedGlass;
 use crate::io::cutout::Cutoff;
+use crate::io::film::passing;
 use crate::io::guard::guarded;
 use crate::scene::{AlphaMask, Rgb, Tint, Wrap};
 use crate::{Error, Result};
@@ -55,6 +55,28 @@ impl Picture {
 
     fn tallies(&self) -> impl Iterator<Item = (u8, &(u64, [f64; 3]))> {
         (0..=u8::MAX).zip(&self.tallies)
+    }
+}
+
+/// A picture whose every pixel says what passes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PicturedGlass {
+    /// Of the base colour.
+    pub(super) base: Option<Index<Image>>,
+    /// Of the transmission.
+    pub(super) transmission: Option<Index<Image>>,
+    pub(super) color: [f32; 4],
+    pub(super) factor: f32,
+    pub(super) blends: bool,
+    pub(super) wrap: [Wrap; 2],
+}
+
+impl PicturedGlass {
+    /// What passes where the pictures have these values.
+    pub(super) fn passing(&self, color: Rgb, alpha: f32, transmission: f32) -> Rgb {
+        let color = [0, 1, 2].map(|c| self.color[c] * color[c]);
+        let alpha = if self.blends { self.color[3] * alpha } else { 1.0 };
+        passing(color, alpha, self.factor * transmission)
     }
 }
 

@@ -106,7 +106,7 @@ impl VolumeProblem {
             without_logarithm: count(|row| matches!(row, PixelRow::NoLogarithm)),
         };
         if kept.is_empty() {
-            return Err(nothing_to_solve(find, &left_out));
+            return Err(nothing_to_solve(find, &left_out, searched.outside_hull));
         }
         let (mut targets, mut weights, mut wanted) =
             (Vec::with_capacity(kept.len()), Vec::with_capacity(kept.len()), [0.0; 3]);
@@ -549,7 +549,7 @@ fn replaced(volume: &Volume, voxels: &VoxelSet, colors: &[Rgb]) -> Result<Volume
     Volume::of_colors(*volume.grid(), &all)
 }
 
-pub(super) fn nothing_to_solve(find: Find, left_out: &LeftOut) -> Error {
+pub(super) fn nothing_to_solve(find: Find, left_out: &LeftOut, outside_hull: usize) -> Error {
     if left_out.without_logarithm > 0 {
         return Error::Empty {
             reason: format!(
@@ -570,6 +570,11 @@ pub(super) fn nothing_to_solve(find: Find, left_out: &LeftOut) -> Error {
                 _ => format!("a voxel whose {}", find.name()),
             }
         ),
-        remedy: "check the cameras and volume.to_world",
+        remedy: match outside_hull {
+            0 => "check the cameras and volume.to_world",
+            _ => {
+                "check that masks are white where the volume is: what they leave of it, its visual hull, is met by no ray"
+            }
+        },
     }
 }

@@ -31,7 +31,7 @@ impl VolumeProblem {
             (0..pixels.len()).into_par_iter().filter(|&row| all.has_weights(row)).collect();
         let left_out = LeftOut { unwanted, beside: pixels.len() - meeting.len(), ..LeftOut::default() };
         if meeting.is_empty() {
-            return Err(nothing_to_solve(Find::Refinement, &left_out));
+            return Err(nothing_to_solve(Find::Refinement, &left_out, searched.outside_hull));
         }
 
         let is_grey = scene.extinction.is_grey && optics.density.is_grey();

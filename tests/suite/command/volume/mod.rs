@@ -4,6 +4,7 @@ mod animation;
 mod bad_input;
 mod environment;
 mod formats;
+mod paint;
 mod refinement;
 mod solving;
 
@@ -25,6 +26,8 @@ pub fn scene() -> Value {
             } },
             "albedo": 0.7,
             "size": [14, 12, 13],
+            // Of pictures and of paint alike.
+            "interpolation": "nearest",
             "to_world": { "translate": [-1, -1, -1], "scale": 2 }
         },
         "find": "joint",
