@@ -137,7 +137,8 @@ fn render_pixels(
         .collect();
     let mut transport = transport(scene, maps, scene.solve.quadrature);
     transport.mask = changed.map(|changed| changed.mask.clone());
-    let panes = SeenPanes::new(seen.iter().map(|seen| &seen.panes[..]));
+    let has_panes = maps.geometry.has_panes();
+    let panes = has_panes.then(|| SeenPanes::new(seen.iter().map(|seen| &seen.panes[..]))).flatten();
     let traversal = LightMapTraversal::new(transport, rays).through_panes(panes);
     let start = scene.light.radiance;
     let sky = scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()).map_or(&[][..], |sky| &sky.start);

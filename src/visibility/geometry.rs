@@ -225,8 +225,11 @@ impl Geometry {
             return true;
         }
         let material = self.mesh.material(index);
-        let is_plain = material.glass.is_none() && material.mask.is_none();
-        is_plain || material.passes(self.coordinates(index, weights)) == [0.0; 3]
+        match (&material.glass, &material.mask) {
+            (None, None) => true,
+            (None, Some(mask)) => mask.is_there(self.coordinates(index, weights)),
+            (Some(_), _) => material.passes(self.coordinates(index, weights)) == [0.0; 3],
+        }
     }
 
     /// The texture coordinates at the point of a triangle with these weights of its corners.
