@@ -32,8 +32,8 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     // Fitted to the scene.
     ("LightMap", &["extent", "size"]),
     ("ShadowMap", &["extent"]),
-    // No limits; and the memory of the machine.
-    ("Solve", &["seconds", "noise", "upper", "fade", "memory"]),
+    // No limits; what follows from the medium of a painted volume; and the memory of the machine.
+    ("Solve", &["seconds", "noise", "upper", "tikhonov", "gradient", "fade", "memory"]),
     ("Surroundings", &["environment"]),
     ("Sky", &["file"]),
     ("Environment", &["file"]),
@@ -145,7 +145,7 @@ fn all() -> [Vec<String>; 2] {
     texts.extend(made.map(|text| (text, folder.join("scene.json"))));
     let (volumes, light_maps): (Vec<_>, Vec<_>) =
         texts.into_iter().partition(|(text, _)| text.contains("\"volume\""));
-    assert_eq!((volumes.len(), light_maps.len()), (5, 6));
+    assert_eq!((volumes.len(), light_maps.len()), (5, 7));
     let of = |(text, file): (String, PathBuf)| whole::<Document>(&text, &file);
     let of_volume = |(text, file): (String, PathBuf)| whole::<VolumeDocument>(&text, &file);
     [light_maps.into_iter().map(of).collect(), volumes.into_iter().map(of_volume).collect()]

@@ -257,7 +257,8 @@ fn frames_on_other_voxels_come_to_those_of_the_first() {
     let desk = Desk::new();
     desk.put("smoke_0.vdb", row(2, 0.0, 1.0), |[i, ..]| [1.0, 2.0][i]);
     desk.put("smoke_1.vdb", row(2, 1.5, 2.0), |[i, ..]| [4.0, 8.0][i]);
-    let animated = desk.animated(&json!({ "extinction": { "file": "smoke_#.vdb" } }), 2).unwrap();
+    let volume = json!({ "extinction": { "file": "smoke_#.vdb" }, "interpolation": "nearest" });
+    let animated = desk.animated(&volume, 2).unwrap();
     let frames = [0, 1].map(|key| animated.animation.keys[key].scene.medium.extinction.clone());
     assert!(frames.iter().all(|volume| is_at(volume.grid(), &row(6, 0.0, 1.0))));
     assert_eq!(values(&frames[0]), [1.0, 2.0, 0.0, 0.0, 0.0, 0.0]);
