@@ -72,6 +72,7 @@ impl Rows {
         let coverage = self.squares(&CpuVector(ones.clone())).unwrap();
         let size = [field.map; 2];
         let formulation = Formulation {
+            held_out: None,
             targets: &vec![[0.02, 0.01, 0.03]; field.painted],
             weights: Cow::Owned(ones),
             wanted: [1.0; 3],

@@ -11,7 +11,7 @@ use crate::solve::{History, Measure, Progress, Progressing, State};
 use crate::{Error, Result, Warning};
 
 /// Numbers of one entry of the history.
-const ENTRY: usize = 9;
+const ENTRY: usize = 10;
 /// Rows that tell one T from another.
 const ROWS: usize = 1024;
 
@@ -66,7 +66,7 @@ impl Keeper {
         let entries = history.progress.iter().flat_map(|entry| {
             let [r, s] = [entry.residual, entry.normal_residual];
             let counts = [entry.iteration as f64, entry.seconds, entry.operator_applications as f64];
-            [counts, r, s].concat()
+            [&counts[..], &r, &s, &[entry.held_out.unwrap_or(f64::NAN)]].concat()
         });
         let (vectors, scalars) = snapshot.outline();
         let blocks: [Vec<f64>; 3] = [start, entries.collect(), scalars];
@@ -93,12 +93,15 @@ impl Keeper {
             return Err(wrong());
         }
         let progress =
-            entries.iter().map(|&[iteration, seconds, applications, r0, r1, r2, s0, s1, s2]| Progress {
-                iteration: iteration as usize,
-                seconds,
-                operator_applications: applications as usize,
-                residual: [r0, r1, r2],
-                normal_residual: [s0, s1, s2],
+            entries.iter().map(|&[iteration, seconds, applications, r0, r1, r2, s0, s1, s2, held_out]| {
+                Progress {
+                    iteration: iteration as usize,
+                    seconds,
+                    operator_applications: applications as usize,
+                    residual: [r0, r1, r2],
+                    normal_residual: [s0, s1, s2],
+                    held_out: Some(held_out).filter(|held_out| !held_out.is_nan()),
+                }
             });
         let [restarts, spared, without] = counts.map(|count| count as usize);
         let history = History {

@@ -1,6 +1,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use super::HeldOut;
 use crate::operator::{Bounds, Lattices, NOWHERE, Scalars};
 use crate::scene::Rgb;
 use crate::{Error, Result};
@@ -16,6 +17,8 @@ pub struct Formulation<'a> {
     pub wanted: Scalars,
     /// The elements: one part a kind, one behind the other.
     pub parts: Vec<Part<'a>>,
+    /// Rows of the same T that are kept out of the fit, and end the solve where it follows noise; none where nobody asks.
+    pub held_out: Option<&'a HeldOut>,
     /// What a person can do when the rows are too dark to be computed with.
     pub remedy: &'static str,
 }

@@ -327,6 +327,7 @@ impl Problem for LightMapProblem {
         let bounds = settings.solver.kept([[0.0; 3], [f64::INFINITY; 3]]);
         let others = Part { noun: "lights", start, bounds, lattice: None, scale: 1, joined: &[], ..texels };
         Ok(Formulation {
+            held_out: None,
             targets: &self.targets,
             weights: self.weights().0.into(),
             wanted,

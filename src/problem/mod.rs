@@ -9,6 +9,7 @@ mod evenly;
 mod extents;
 mod fill;
 mod formulation;
+mod held_out;
 mod light_map;
 mod lit_texels;
 mod looked_for;
@@ -33,6 +34,7 @@ pub use diffusion::{Diffused, Known, diffuse};
 pub use evenly::evenly;
 pub use extents::{Maps, fit};
 pub use formulation::{Formulation, Lattice, Part, Start};
+pub use held_out::HeldOut;
 pub use light_map::LightMapProblem;
 pub use looked_for::{Nouns, Problem, Unskipped};
 pub use painting::{Painting, paint};
@@ -46,6 +48,6 @@ pub use solved::Solved;
 pub use surfaces::{Surfaces, Traced};
 pub use system::{RegularizationWeights, System};
 pub use volume::{
-    AllVoxels, Desired, Determined, LeftOut, LightColumns, LitRows, Model, Occupied, Optics, SeenLights,
-    Spread, Spreading, VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,
+    AllVoxels, Desired, Determined, HoldOut, LeftOut, LightColumns, LitRows, Model, Occupied, Optics,
+    SeenLights, Spread, Spreading, VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,
 };

@@ -100,7 +100,12 @@ pub fn minimize<'b>(
 ) -> Result<Solved> {
     let system = System::new(problem, operator, coverage, settings)?;
     let limits = system.limits(problem, settings);
-    let least_squares = system.problem();
+    let misfit =
+        |x: &_| problem.held_out.map_or(Ok(0.0), |rows| rows.misfit(&system.all_elements(problem, x)?));
+    let least_squares = match problem.held_out {
+        Some(_) => system.problem().holding_out(&misfit),
+        None => system.problem(),
+    };
     let mut method = method(settings.solver, system.operator());
     let at;
     let beginning = match begin.into() {

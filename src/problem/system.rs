@@ -116,8 +116,10 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
 
     /// When to stop; the noise is relative to what is wanted.
     pub fn limits(&self, problem: &Formulation, settings: &SolveSettings) -> Limits {
-        let discrepancy =
-            settings.noise.map(|noise| problem.wanted.iter().sum::<f64>() * (noise / self.norm).powi(2));
+        let discrepancy = settings
+            .noise
+            .filter(|&noise| noise > 0.0)
+            .map(|noise| problem.wanted.iter().sum::<f64>() * (noise / self.norm).powi(2));
         Limits {
             iterations: settings.iterations,
             tolerance: settings.tolerance,

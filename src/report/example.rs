@@ -133,6 +133,7 @@ fn step(iteration: usize) -> Progress {
     let channel = |floor: f64, rate: f64| floor + (1.0 - floor) * (-rate * k).exp();
     let wave = |rate: f64, phase: f64| (-rate * k + 0.35 * ((1.7 * k + phase).sin() - phase.sin())).exp();
     Progress {
+        held_out: None,
         iteration,
         seconds: 0.022 * k,
         operator_applications: 2 * iteration + 1,

@@ -150,6 +150,7 @@ pub(super) fn skipped(name: &str, elements: &str) -> String {
         "without_logarithm" => {
             "Pixels that no extinction explains: brighter or darker than background and medium".into()
         }
+        "held_out" => "Pixels kept out of the fit, which tell what of the others is noise".into(),
         "walks" => "Ray walks that keeping the non-zeros in memory saved".into(),
         other => label(other),
     }
@@ -160,6 +161,10 @@ pub(super) fn stopped(reason: &str, Nouns { found, wanted, .. }: &Nouns) -> Stri
     match reason {
         "tolerance" => format!("because the {found} could no longer be improved noticeably"),
         "discrepancy" => format!("because the {wanted} is met as closely as its noise allows"),
+        "held-out" => {
+            "because what still improved was noise: pixels that were kept out of the fit came no nearer"
+                .into()
+        }
         "stagnation" => "at rounding level: no further digit can be gained".into(),
         "iterations" => "at its iteration limit, so more iterations may still improve it".into(),
         "time" => "at its time limit, so more time may still improve it".into(),

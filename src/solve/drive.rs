@@ -21,6 +21,9 @@ pub struct Progress {
     pub residual: Scalars,
     /// ‖Aᵀ (b − A x)‖, or with bounds the norm of the projected gradient, relative to the start; 0 where that was already optimal.
     pub normal_residual: Scalars,
+    /// ‖b − A x‖ of rows that are kept out of the fit, in their unit; none where there are none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub held_out: Option<f64>,
 }
 
 /// A solve so far; with the method's state, all that is needed to continue it.
@@ -151,7 +154,11 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
         method.step(problem, live).map_err(|error| error.in_iteration(iteration + 1))?;
         finite(method.measure(), iteration + 1)?;
         let seconds = seconds_before + clock.elapsed().as_secs_f64();
-        let entry = progress(iteration + 1, seconds, applied(certifying), method.measure(), &history.start);
+        let held_out = problem.held_out(method.solution())?;
+        let entry = Progress {
+            held_out,
+            ..progress(iteration + 1, seconds, applied(certifying), method.measure(), &history.start)
+        };
         history.progress.push(entry);
         judge.note(method, &mut history, &entry);
         certifying += judge.settle(method, &mut history)?;
@@ -258,6 +265,8 @@ impl<O: LinearOperator> Judge<'_, O> {
             Some(StopReason::Iterations)
         } else if limits.time.is_some_and(|limit| seconds >= limit.as_secs_f64()) {
             Some(StopReason::Time)
+        } else if follows_noise(&history.progress, &history.start) {
+            Some(StopReason::HeldOut)
         } else if history.progressing.has_stagnated() {
             Some(StopReason::Stagnation)
         } else {
@@ -297,6 +306,25 @@ impl<O: LinearOperator> Judge<'_, O> {
     }
 }
 
+/// Iterations over which the rows that are kept out are compared with the others, and the first after which they are.
+const WINDOW: usize = 3;
+/// The least share of the fit's gain, in its logarithm, that those rows must gain.
+const SHARED: f64 = 0.5;
+
+/// Whether what was gained lately is mostly noise.
+///
+/// What a solve still finds of what was there before brings rows that it knows nothing of nearer, too: while it gains, ρ = Δ ln h / Δ ln f
+/// is near 1, f the residual of the fit and h of what is kept out. The noise of either has nothing to do with the other's, so that
+/// ρ falls when noise is followed, to less than 0.
+fn follows_noise(progress: &[Progress], start: &Measure) -> bool {
+    let &[_, .., before, _, _, last] = progress else { return false };
+    debug_assert_eq!(last.iteration, before.iteration + WINDOW);
+    let fit = |at: Progress| (0..3).map(|c| start.residual[c] * at.residual[c].powi(2)).sum::<f64>().sqrt();
+    let (Some(held_before), Some(held)) = (before.held_out, last.held_out) else { return false };
+    let gained = (fit(before) / fit(last)).ln();
+    gained > 0.0 && (held_before / held).ln() < SHARED * gained
+}
+
 /// A start to be relative to, in which no channel is mere rounding.
 fn floored(start: Measure) -> Measure {
     let floor = |norms: Scalars| norms.map(|norm| norm.max(FLOOR * largest(norms)));
@@ -311,7 +339,7 @@ fn progress(
     start: &Measure,
 ) -> Progress {
     let (residual, normal_residual) = relative(&measure, start);
-    Progress { iteration, seconds, operator_applications, residual, normal_residual }
+    Progress { iteration, seconds, operator_applications, residual, normal_residual, held_out: None }
 }
 
 /// Norms relative to the start; a channel that starts at zero is at zero.

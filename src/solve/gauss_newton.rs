@@ -4,6 +4,7 @@
 //! Equivalences  With f linear one step of [`drive`](super::drive).
 //! Caveats       What is nearest after a step is measured with f itself; a step of which no part comes nearer is not taken, and is the last.
 //!               Ends at a point where no step helps, which need not be the nearest of all.
+//!               Which part of b is noise is known to whoever states the problem.
 //! Convergence   ‖f(x) − b‖ falls with every step that is taken; quadratically near a solution where f(x) = b.
 //! Source        Nocedal and Wright 2006, sec. 10.3; for extinction Klehm 2015, sec. 7.4.
 //!
@@ -30,6 +31,17 @@ impl GaussNewton {
     }
 }
 
+/// Where a share of a step leads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Looked {
+    /// Nearer: it is taken.
+    Nearer,
+    /// Nearer only to the noise of b: neither it nor a share of it is taken.
+    NearerToNoise,
+    /// Farther away: a smaller share of it may be nearer.
+    Farther,
+}
+
 /// A problem that is solved by linear ones.
 pub trait NonLinear {
     /// A solution of the linear problem around the present point, with all that a caller wants to hear of it.
@@ -41,8 +53,8 @@ pub trait NonLinear {
     /// Solves the problem that is linear where it stands.
     fn step(&mut self) -> Result<Self::Step>;
 
-    /// The distance after a share of a step.
-    fn look(&mut self, step: &Self::Step, share: f32) -> Result<f64>;
+    /// Where a share of a step leads.
+    fn look(&mut self, step: &Self::Step, share: f32) -> Result<Looked>;
 
     /// Stands where it has looked last.
     fn take(&mut self, step: &Self::Step);
@@ -72,10 +84,14 @@ pub fn gauss_newton<N: NonLinear>(problem: &mut N, settings: &GaussNewton) -> Re
         let mut share = None;
         for halvings in 0..settings.tries {
             let part = 0.5f32.powi(halvings);
-            if problem.look(&step, part)? < before {
-                problem.take(&step);
-                share = Some(part);
-                break;
+            match problem.look(&step, part)? {
+                Looked::Farther => {}
+                Looked::NearerToNoise => break,
+                Looked::Nearer => {
+                    problem.take(&step);
+                    share = Some(part);
+                    break;
+                }
             }
         }
         let after = problem.distance();

@@ -3,6 +3,9 @@ use std::cell::Cell;
 use crate::Result;
 use crate::operator::{Bounds, LinearOperator, Metric, PendingSum, Scalars, Vector, expect_len};
 
+/// ‖A x − b‖ of other rows, at an x.
+pub type Misfit<'a, V> = &'a dyn Fn(&V) -> Result<f64>;
+
 /// `min ½‖A x − b‖², l ≤ x ≤ u`, channel by channel; it counts how often its operator is applied.
 pub struct LeastSquares<'a, O: LinearOperator> {
     /// A: the weighted transport stacked on its regularizers.
@@ -11,6 +14,7 @@ pub struct LeastSquares<'a, O: LinearOperator> {
     rhs: &'a O::Range,
     bounds: Bounds,
     metric: Option<&'a dyn Metric<O::Domain>>,
+    held_out: Option<Misfit<'a, O::Domain>>,
     applications: Cell<usize>,
 }
 
@@ -23,7 +27,7 @@ impl<O: LinearOperator> std::fmt::Debug for LeastSquares<'_, O> {
 impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     /// Without bounds and metric.
     pub fn new(operator: &'a O, rhs: &'a O::Range) -> Self {
-        Self { operator, rhs, bounds: Bounds::NONE, metric: None, applications: Cell::new(0) }
+        Self { operator, rhs, bounds: Bounds::NONE, metric: None, held_out: None, applications: Cell::new(0) }
     }
 
     /// With bounds, for the methods that keep them; the others solve the problem without.
@@ -34,6 +38,16 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     /// With a metric, for the methods that use one. All but [`super::Fista`] and [`super::Cgls`] take it to be diagonal.
     pub fn measured(self, metric: &'a dyn Metric<O::Domain>) -> Self {
         Self { metric: Some(metric), ..self }
+    }
+
+    /// With rows that are kept out of the fit: a solve ends where it brings them no nearer any more.
+    pub fn holding_out(self, misfit: Misfit<'a, O::Domain>) -> Self {
+        Self { held_out: Some(misfit), ..self }
+    }
+
+    /// ‖A x − b‖ of the rows that are kept out of the fit; none where there are none.
+    pub(super) fn held_out(&self, x: &O::Domain) -> Result<Option<f64>> {
+        self.held_out.map(|misfit| misfit(x)).transpose()
     }
 
     /// Errors: [`crate::Error::Shape`] when the right-hand side does not fit the operator.

@@ -48,6 +48,8 @@ pub enum StopReason {
     Tolerance,
     /// The residual reached the noise of the data.
     Discrepancy,
+    /// What still improves is noise: rows that are kept out of the fit come no nearer.
+    HeldOut,
     /// The iteration limit.
     Iterations,
     /// The time limit.
@@ -64,6 +66,7 @@ impl StopReason {
         match self {
             Self::Tolerance => "tolerance",
             Self::Discrepancy => "discrepancy",
+            Self::HeldOut => "held-out",
             Self::Iterations => "iterations",
             Self::Time => "time",
             Self::Stagnation => "stagnation",

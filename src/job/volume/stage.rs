@@ -6,7 +6,7 @@ use super::super::findings::Findings;
 use super::super::folder::Folder;
 use super::super::memory::{MemoryBudget, check_light};
 use super::super::steps::Steps;
-use crate::problem::{Desired, Optics, VolumeProblem, VolumeRenderer, VolumeState};
+use crate::problem::{Desired, HoldOut, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use crate::scene::{Find, Rgb, SolveSettings, VolumeScene};
 use crate::{Error, Result};
 
@@ -29,6 +29,8 @@ pub(super) struct PropertySearch<'a> {
     pub(super) state: &'a VolumeState,
     pub(super) optics: &'a Optics,
     pub(super) desired: &'a [Desired],
+    /// The pixels that are kept out of the fit.
+    pub(super) held_out: Option<&'a HoldOut>,
     pub(super) find: Find,
 }
 
@@ -53,6 +55,10 @@ impl PropertySearch<'_> {
         check_light(self.scene, self.optics, self.find)?;
         let problem =
             VolumeProblem::new(self.scene, &self.state.medium, self.optics, self.desired, self.find)?;
+        let problem = match self.held_out {
+            Some(pixels) => problem.holding_out(pixels, self.scene.solve.strategy)?,
+            None => problem,
+        };
         steps.go_on()?;
         let memory = MemoryBudget::of_volume(self.scene);
         let settings = memory.settled(VolumeProblem::settings(self.scene, self.find), &problem)?;

@@ -8,10 +8,10 @@ use super::super::warnings;
 use super::pictures::{nothing_asked, view_pictures};
 use super::stage::{Place, PropertySearch, Stage};
 use crate::Result;
-use crate::problem::{Desired, Determined, Model, Optics, VolumeProblem, VolumeState};
+use crate::problem::{Desired, Determined, HoldOut, Model, Optics, VolumeProblem, VolumeState};
 use crate::report::{Change, Report, StageRecord, ViewMatch};
 use crate::scene::{Find, Image, Rgb, VolumeScene};
-use crate::solve::{Control, GaussNewton, NonLinear, Taken, gauss_newton};
+use crate::solve::{Control, GaussNewton, Looked, NonLinear, Taken, gauss_newton};
 use crate::visibility::Geometry;
 
 /// A round that brings the pictures nearer by less than this share of their distance is the last one.
@@ -147,6 +147,8 @@ struct Course<'a, 's> {
     place: Place<'a>,
     steps: &'a mut Steps<'s>,
     attained: Attained,
+    /// The pixels that are kept out of fits, of pictures that were measured.
+    held_out: Option<HoldOut>,
     /// The model of light that its pictures are drawn under.
     drawn: Model,
     records: Vec<StageRecord>,
@@ -168,11 +170,12 @@ impl<'a, 's> Course<'a, 's> {
         let drawn = VolumeProblem::model(scene, *scene.stages.first().ok_or_else(nothing_asked)?);
         let before = view_pictures(scene, &state.medium, &optics, drawn, steps)?;
         let desired = Desired::of(scene, &|view| Ok(before[view].clone()))?;
+        let held_out = HoldOut::of(scene, &desired);
         let first = distance(&desired, &before);
         let (after, distances) = (before.clone(), [first.clone(), first]);
         let determined = Vec::new();
         let attained = Attained { state, optics, desired, before, after, distances, determined };
-        Ok(Self { scene, engine, place, steps, attained, drawn, records: Vec::new(), last: None })
+        Ok(Self { scene, engine, place, steps, attained, held_out, drawn, records: Vec::new(), last: None })
     }
 
     fn end(self) -> Result<StagesOutcome> {
@@ -214,9 +217,10 @@ impl<'a, 's> Course<'a, 's> {
     }
 
     fn solve(&mut self, find: Find) -> Result<Stage> {
-        let Self { scene, engine, place, steps, attained, .. } = self;
+        let Self { scene, engine, place, steps, attained, held_out, .. } = self;
         let Attained { state, optics, desired, .. } = attained;
-        PropertySearch { scene, state, optics, desired, find }.solve(engine, *place, steps)
+        let held_out = held_out.as_ref().filter(|pixels| pixels.applies_to(find));
+        PropertySearch { scene, state, optics, desired, held_out, find }.solve(engine, *place, steps)
     }
 
     /// Draws what a state shows; it differs from the attained one in what was looked for.
@@ -268,15 +272,26 @@ impl NonLinear for Refinement<'_, '_, '_> {
         self.course.solve(Find::Refinement)
     }
 
-    fn look(&mut self, stage: &Stage, share: f32) -> Result<f64> {
+    fn look(&mut self, stage: &Stage, share: f32) -> Result<Looked> {
         let (from, to) = (&stage.problem.start, &stage.computed.solved.x);
         let part = |(from, to): (&Rgb, &Rgb)| std::array::from_fn(|c| from[c] + share * (to[c] - from[c]));
         let x: Vec<Rgb> = from.iter().zip(to).map(part).collect();
         let state = stage.problem.apply(&self.course.attained.state, &x)?;
         let view = self.course.view(stage.problem.find, &state)?;
-        let distance = view.distance.all;
+        let looked = match &self.course.held_out {
+            _ if view.distance.all >= self.course.attained.distance() => Looked::Farther,
+            Some(pixels)
+                if !pixels.come_nearer(
+                    &self.course.attained.desired,
+                    [&self.course.attained.after, &view.pictures],
+                ) =>
+            {
+                Looked::NearerToNoise
+            }
+            _ => Looked::Nearer,
+        };
         self.looked = Some((state, view));
-        Ok(distance)
+        Ok(looked)
     }
 
     fn take(&mut self, stage: &Stage) {

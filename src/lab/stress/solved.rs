@@ -76,6 +76,7 @@ impl Question {
         let elements = rows.elements();
         let size = [elements];
         let formulation = Formulation {
+            held_out: None,
             targets: &self.targets,
             weights: self.weights.as_slice().into(),
             wanted: self.wanted(),

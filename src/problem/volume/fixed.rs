@@ -12,7 +12,12 @@ use crate::scene::{Find, Rgb, Volume, VolumeMedium, VolumeScene, VoxelSet, lumin
 /// What one wanted pixel becomes.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum PixelRow {
-    Kept { target: Rgb, weight: Rgb, shown: Rgb },
+    /// `shown` is what the row should show, all told, in the unit of the target.
+    Kept {
+        target: Rgb,
+        weight: Rgb,
+        shown: Rgb,
+    },
     Beside,
     NoLogarithm,
 }
@@ -54,7 +59,7 @@ impl<'a> Fixed<'a> {
                 VoxelElements::new(quantity, *volume.grid(), Arc::new(all), optics.density.interpolation());
             known.push((part, volume.clone(), elements));
         };
-        if find == Find::Extinction {
+        if is_of_extinction(find) {
             add(Quantity::Extinction, &medium.extinction);
         } else {
             add(Quantity::Emission, &medium.emission);
@@ -99,15 +104,15 @@ impl<'a> Fixed<'a> {
             Find::Environment => self.optics.known_background(self.scene, traversal.rays(), row),
             _ => self.optics.background(self.scene, traversal.rays(), row),
         };
-        if self.find == Find::Extinction {
+        if is_of_extinction(self.find) {
             let settings = &self.scene.extinction;
             let medium = settings.medium_radiance;
-            let Some(log) = log_row(wanted, behind, medium, weight, self.scale, settings.is_grey) else {
-                return PixelRow::NoLogarithm;
-            };
+            let around = (self.find == Find::Refinement).then(|| traversal.transmittance(row));
+            let log = log_row(wanted, behind, medium, weight, self.scale, settings.is_grey, around);
+            let Some(log) = log else { return PixelRow::NoLogarithm };
             let fixed = self.known(traversal, row);
             let target = std::array::from_fn(|c| (f64::from(log.depth[c]) - fixed[c]) as f32);
-            return PixelRow::Kept { target, weight: log.weight, shown: log.depth };
+            return PixelRow::Kept { target, weight: log.weight, shown: log.shown };
         }
         let mut fixed = self.known(traversal, row);
         if luminance(behind) > 0.0 {
@@ -117,6 +122,10 @@ impl<'a> Fixed<'a> {
         let target = std::array::from_fn(|c| (f64::from(wanted[c]) - fixed[c]) as f32);
         PixelRow::Kept { target, weight: [weight; 3], shown: wanted }
     }
+}
+
+fn is_of_extinction(find: Find) -> bool {
+    matches!(find, Find::Extinction | Find::Refinement)
 }
 
 /// The pixels of which something is wanted, view by view, and the number of the others. Where none is to be skipped, they are all

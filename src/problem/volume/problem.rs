@@ -18,7 +18,7 @@ use crate::march::{
 };
 use crate::operator::{CpuVector, OnHost, WalkPlan};
 use crate::problem::looked_for::{Nouns, explicit, on_host, row_of};
-use crate::problem::{Formulation, Lattice, Part, Problem, Start, Unskipped, evenly};
+use crate::problem::{Formulation, HeldOut, Lattice, Part, Problem, Start, Unskipped, evenly};
 use crate::scene::{
     Environment, Find, MetricName, Quadrature, Rgb, SolveSettings, Strategy, Volume, VolumeMedium,
     VolumeScene, VoxelSet,
@@ -65,6 +65,8 @@ pub struct VolumeProblem {
     /// The numbers of all elements of the largest kind, where what is found spreads to those that no row reaches; else none.
     joined: Vec<u32>,
     grey: bool,
+    /// Rows that are kept out of the fit.
+    pub(super) held_out: Option<Arc<HeldOut>>,
 }
 
 impl VolumeProblem {
@@ -79,7 +81,7 @@ impl VolumeProblem {
         desired: &[Desired],
         find: Find,
     ) -> Result<Self> {
-        if find == Find::Refinement {
+        if find == Find::Refinement && scene.extinction.is_scattering {
             return Self::linearized(scene, medium, optics, desired);
         }
         let mut searched = Searched::new(scene, medium, optics, find)?;
@@ -161,6 +163,7 @@ impl VolumeProblem {
             places,
             kinds,
             grey,
+            held_out: None,
         }
     }
 
@@ -184,7 +187,9 @@ impl VolumeProblem {
         // Tiles of 64 voxels cost several times what a row's few voxels do, and save few iterations (docs/volumes.md).
         let metric = match scene.solve.metric {
             // Weights of either sign cancel in the sums that the others are made of.
-            MetricName::Auto | MetricName::Sqs | MetricName::Tiles if find == Find::Refinement => {
+            MetricName::Auto | MetricName::Sqs | MetricName::Tiles
+                if find == Find::Refinement && scene.extinction.is_scattering =>
+            {
                 MetricName::Jacobi
             }
             MetricName::Auto => MetricName::Sqs,
@@ -205,7 +210,7 @@ impl VolumeProblem {
     }
 
     /// The problem of some of its rows.
-    fn of_some(&self, picked: &[usize]) -> Self {
+    pub(super) fn of_some(&self, picked: &[usize]) -> Self {
         let every = |values: &[Rgb]| picked.iter().map(|&row| values[row]).collect();
         let traversal = self.traversal.picked(picked);
         Self {
@@ -217,6 +222,7 @@ impl VolumeProblem {
             places: self.places.clone(),
             kinds: self.kinds.clone(),
             joined: self.joined.clone(),
+            held_out: self.held_out.clone(),
             ..*self
         }
     }
@@ -326,6 +332,7 @@ impl Problem for VolumeProblem {
             weights: (&self.weights).into(),
             wanted: self.wanted,
             parts: parts.collect(),
+            held_out: self.held_out.as_deref(),
             remedy: match self.find {
                 Find::Albedo => "raise the extinction, or the light",
                 Find::Environment => "raise the extinction or the albedo, or let views see the sky",
@@ -455,10 +462,12 @@ impl Problem for VolumeProblem {
         });
         let LeftOut { beside, without_logarithm, unwanted: _ } = self.left_out;
         let rows = self.rows();
+        let held_out = self.held_out.as_ref().map_or(0, |held_out| held_out.rows());
         let some = [
             ("beside", [beside, rows + beside]),
             ("outside_hull", [self.outside_hull, self.candidates()]),
             ("without_logarithm", [without_logarithm, rows + without_logarithm]),
+            ("held_out", [held_out, rows + held_out]),
         ];
         let counted = some.into_iter().filter(|(_, [count, _])| *count > 0);
         std::iter::once(("empty_bricks", bricks)).chain(counted).collect()

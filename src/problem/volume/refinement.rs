@@ -1,4 +1,4 @@
-//! Extinction by Gauss–Newton: the problem that radiance makes around a medium as it is.
+//! Extinction of a medium that emits and scatters, by Gauss–Newton: the problem that radiance makes around the medium as it is.
 
 use rayon::prelude::*;
 
@@ -44,18 +44,14 @@ impl VolumeProblem {
             .into_par_iter()
             .map(|row| optics.background(scene, medium_rows.rays(), row))
             .collect();
-        let model = Self::model(scene, Find::Refinement);
-        let source = match model {
-            Model::Constant(radiance) => SourceFunction::Constant(radiance),
-            Model::SingleScattering => SourceFunction::Medium {
-                emission: medium.emission.clone(),
-                albedo: medium.albedo.clone(),
-                light: optics.light.clone(),
-            },
+        let source = SourceFunction::Medium {
+            emission: medium.emission.clone(),
+            albedo: medium.albedo.clone(),
+            light: optics.light.clone(),
         };
         let rows = LinearizedTraversal::new(medium_rows, source, behind, channels.clone());
 
-        let renderer = VolumeRenderer::new(scene, medium, optics, model);
+        let renderer = VolumeRenderer::new(scene, medium, optics, Model::SingleScattering);
         let row = |row: usize| -> [Rgb; 3] {
             let [view, pixel] = rows.rays().pixel(row);
             let [r, g, b, weight] = desired[view as usize].pixels[pixel as usize];

@@ -1,7 +1,7 @@
 //! Gauss–Newton on a curve whose parameter is known.
 
 use unscatter::Result;
-use unscatter::solve::{Control, GaussNewton, NonLinear, Taken, gauss_newton};
+use unscatter::solve::{Control, GaussNewton, Looked, NonLinear, Taken, gauss_newton};
 
 /// Which k fits exp(−k t) to what was measured at some t.
 struct Decay {
@@ -11,12 +11,14 @@ struct Decay {
     told: Vec<Taken>,
     /// Whether every step is taken whole, whatever comes of it.
     blindly: bool,
+    /// A distance below which it knows all that is left to be noise.
+    noise: f64,
 }
 
 impl Decay {
     fn of(truth: f64, k: f64) -> Self {
         let measured = (1..=20).map(|i| 0.2 * f64::from(i)).map(|t| (t, (-truth * t).exp())).collect();
-        Self { k, looked: k, measured, told: Vec::new(), blindly: false }
+        Self { k, looked: k, measured, told: Vec::new(), blindly: false, noise: 0.0 }
     }
 
     fn distance_at(&self, k: f64) -> f64 {
@@ -42,9 +44,14 @@ impl NonLinear for Decay {
         Ok(num / den)
     }
 
-    fn look(&mut self, step: &f64, share: f32) -> Result<f64> {
+    fn look(&mut self, step: &f64, share: f32) -> Result<Looked> {
         self.looked = self.k + f64::from(share) * step;
-        Ok(if self.blindly { 0.0 } else { self.distance_at(self.looked) })
+        let is_nearer = self.blindly || self.distance_at(self.looked) < self.distance();
+        Ok(match is_nearer {
+            true if self.distance() < self.noise => Looked::NearerToNoise,
+            true => Looked::Nearer,
+            false => Looked::Farther,
+        })
     }
 
     fn take(&mut self, _step: &f64) {
@@ -88,4 +95,14 @@ fn it_ends_where_no_step_helps_and_when_it_is_stopped() {
     let mut few = Decay::of(1.3, 0.05);
     gauss_newton(&mut few, &GaussNewton { steps: 2, ..SETTINGS }).unwrap();
     assert_eq!(few.told.len(), 2);
+}
+
+#[test]
+fn a_step_towards_noise_is_not_taken_and_is_the_last() {
+    let mut decay = Decay { noise: 0.05, ..Decay::of(1.3, 0.5) };
+    gauss_newton(&mut decay, &SETTINGS).unwrap();
+    let [.., before, last] = &decay.told[..] else { panic!("{:?}", decay.told) };
+    assert_eq!(last.share, None);
+    assert!(before.share.is_some() && before.distance[1] < 0.05 && before.distance[0] >= 0.05, "{before:?}");
+    assert_eq!(last.distance, [before.distance[1]; 2]);
 }
