@@ -151,7 +151,7 @@ fn noise(pixels: &[[f32; 4]], [width, height]: [usize; 2]) -> Option<f64> {
         }
     }
     let rms = (wanted().map(|value| value * value).sum::<f64>() / count).sqrt();
-    if found.is_empty() || !(rms > 0.0) {
+    if found.is_empty() || rms <= 0.0 || rms.is_nan() {
         return None;
     }
     let middle = found.len() / 2;
