@@ -228,7 +228,7 @@ pub struct SolveSettings {
     pub tolerance: f64,
     /// Stop after this long.
     pub time_limit: Option<Duration>,
-    /// Stop when the painted pixels are met to this part of what is painted, root mean square.
+    /// Stop when the wanted pixels are met to this part of what is wanted of them, root mean square; 0: never.
     pub noise: Option<f64>,
     /// The least and the largest value of each channel, in the unit of what is looked for; infinite where there is no bound.
     pub bounds: [[f64; 3]; 2],

@@ -2,7 +2,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::stop::Progressing;
+use super::stop::{Progressing, is_mostly_noise};
 use super::{Control, Ending, LeastSquares, Limits, Live, Measure, Method, StopReason};
 use crate::operator::{Bounds, LinearOperator, PendingSum, Scalars, Vector, expect_len};
 use crate::{Error, Result};
@@ -306,23 +306,18 @@ impl<O: LinearOperator> Judge<'_, O> {
     }
 }
 
-/// Iterations over which the rows that are kept out are compared with the others, and the first after which they are.
+/// Iterations over which rows that are kept out of the fit are compared with the others.
 const WINDOW: usize = 3;
-/// The least share of the fit's gain, in its logarithm, that those rows must gain.
-const SHARED: f64 = 0.5;
 
-/// Whether what was gained lately is mostly noise.
-///
-/// What a solve still finds of what was there before brings rows that it knows nothing of nearer, too: while it gains, ρ = Δ ln h / Δ ln f
-/// is near 1, f the residual of the fit and h of what is kept out. The noise of either has nothing to do with the other's, so that
-/// ρ falls when noise is followed, to less than 0.
+/// Whether what was gained in the last iterations is mostly noise; the first is never asked.
 fn follows_noise(progress: &[Progress], start: &Measure) -> bool {
     let &[_, .., before, _, _, last] = progress else { return false };
     debug_assert_eq!(last.iteration, before.iteration + WINDOW);
     let fit = |at: Progress| (0..3).map(|c| start.residual[c] * at.residual[c].powi(2)).sum::<f64>().sqrt();
-    let (Some(held_before), Some(held)) = (before.held_out, last.held_out) else { return false };
-    let gained = (fit(before) / fit(last)).ln();
-    gained > 0.0 && (held_before / held).ln() < SHARED * gained
+    match (before.held_out, last.held_out) {
+        (Some(held_before), Some(held)) => is_mostly_noise([fit(before), fit(last)], [held_before, held]),
+        _ => false,
+    }
 }
 
 /// A start to be relative to, in which no channel is mere rounding.

@@ -45,7 +45,7 @@ pub use lsmr::Lsmr;
 pub use lsqr::Lsqr;
 pub use mprgp::Mprgp;
 pub use spectral::Spectral;
-pub use stop::{Control, Ending, Limits, Progressing, StopReason};
+pub use stop::{Control, Ending, Limits, Progressing, StopReason, is_mostly_noise};
 
 use crate::operator::{LinearOperator, Scalars, Vector};
 use crate::{Error, Result};

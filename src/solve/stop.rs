@@ -40,6 +40,18 @@ impl Limits {
     }
 }
 
+/// The least share of the fit's gain that rows it knows nothing of must gain.
+const SHARED: f64 = 0.5;
+
+/// Whether what a fit gains is mostly noise, given its residual before and after, and that of rows that are kept out of it.
+///
+/// What is found of what is there brings both nearer alike: ρ = Δ ln h / Δ ln f is near 1, f the residual of the fit and h the other. Their
+/// noises have nothing to do with each other, so that ρ falls, and below 0, when noise is followed. From ρ < ½ on it is most of what is gained.
+pub fn is_mostly_noise(fit: [f64; 2], held_out: [f64; 2]) -> bool {
+    let gain = |[before, after]: [f64; 2]| (before / after).ln();
+    gain(fit) > 0.0 && gain(held_out) < SHARED * gain(fit)
+}
+
 /// Why a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -134,4 +146,18 @@ impl Progressing {
 
 fn least(a: Scalars, b: Scalars) -> Scalars {
     std::array::from_fn(|c| a[c].min(b[c]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gains_that_others_do_not_share_are_noise() {
+        assert!(!is_mostly_noise([1.0, 0.5], [2.0, 1.0]), "both gain alike");
+        assert!(!is_mostly_noise([1.0, 0.5], [2.0, 1.4]), "just above the half of it, in the logarithm");
+        assert!(is_mostly_noise([1.0, 0.5], [2.0, 1.5]));
+        assert!(is_mostly_noise([1.0, 0.5], [2.0, 2.5]));
+        assert!(!is_mostly_noise([1.0, 1.0], [2.0, 2.5]), "nothing was gained");
+    }
 }

@@ -26,7 +26,8 @@ pub struct Solve {
     /// Stop after this many seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
-    /// Stop when the painted pixels are met to this part of what is painted, root mean square; above 0, below 1.
+    /// Stop when the wanted pixels are met to this part of what is wanted of them, root mean square; from 0 (never) to below 1. Where it is not
+    /// given, volumes of noisy pictures stop where pixels that are kept out of the fit come no nearer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<f64>,
     /// Least radiance of a texel: one number or [r, g, b].
@@ -278,7 +279,7 @@ impl Solve {
             time_limit: self.seconds.map(time_limit).transpose()?,
             noise: self
                 .noise
-                .map(|noise| checked("noise", noise, "above 0 and below 1", |n| 0.0 < n && n < 1.0))
+                .map(|noise| checked("noise", noise, "from 0 to below 1", |n| (0.0..1.0).contains(&n)))
                 .transpose()?,
             bounds: self.bounds()?,
             metric: self.metric.into(),
@@ -454,7 +455,8 @@ mod tests {
             (r#"{"fade": -1}"#, "fade"),
             (r#"{"fade": 1e308}"#, "fade"),
             (r#"{"tikhonov": "gcv", "laplacian": "l-curve"}"#, "laplacian"),
-            (r#"{"noise": 0}"#, "noise"),
+            (r#"{"noise": -0.1}"#, "noise"),
+            (r#"{"noise": 1}"#, "noise"),
             (r#"{"lower": 2, "upper": [3, 3, 1]}"#, "upper"),
             (r#"{"lower": 1e300}"#, "lower"),
             (r#"{"solver": "lsqr", "upper": 1}"#, "upper"),

@@ -6,6 +6,7 @@ use super::{Desired, VolumeProblem};
 use crate::Result;
 use crate::problem::{HeldOut, Problem};
 use crate::scene::{Find, Image, Strategy, VolumeScene};
+use crate::solve::is_mostly_noise;
 
 /// Noise of the pictures, as a part of their root mean square, below which they are followed as closely as the tolerance asks.
 const NOISELESS: f64 = 5e-4;
@@ -58,23 +59,28 @@ impl HoldOut {
         }
     }
 
-    /// Whether pictures are nearer to what is wanted than others, as far as the pixels that are kept out can tell: by more than twice the
-    /// standard error of what they gain.
-    pub fn come_nearer(&self, desired: &[Desired], [before, after]: [&[Image]; 2]) -> bool {
-        let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    /// Whether pictures are nearer to what is wanted than others by more than noise, as far as the pixels that are kept out can tell: by more than
+    /// twice the standard error of what they gain, and by enough of what the others gain ([`is_mostly_noise`]).
+    pub fn come_nearer(&self, desired: &[Desired], pictures: [&[Image]; 2]) -> bool {
+        let (mut fit, mut held_out, mut count, mut squares) = ([0.0; 2], [0.0; 2], 0.0, 0.0);
         for (view, desired) in desired.iter().enumerate() {
             for (pixel, &[r, g, b, weight]) in desired.pixels.iter().enumerate() {
-                if weight > 0.0 && self.contains(view, pixel) {
-                    let miss = |picture: &Image| {
-                        let of = |(wanted, shown): (f32, &f32)| f64::from(shown - wanted).powi(2);
-                        [r, g, b].into_iter().zip(&picture.pixels[pixel]).map(of).sum::<f64>()
-                    };
-                    let gain = f64::from(weight) * (miss(&before[view]) - miss(&after[view]));
-                    (count, sum, squares) = (count + 1.0, sum + gain, squares + gain * gain);
+                let miss = pictures.map(|pictures| {
+                    let of = |(wanted, shown): (f32, &f32)| f64::from(shown - wanted).powi(2);
+                    let colors = [r, g, b].into_iter().zip(&pictures[view].pixels[pixel]);
+                    f64::from(weight) * colors.map(of).sum::<f64>()
+                });
+                let is_out = self.contains(view, pixel);
+                let sums = if is_out { &mut held_out } else { &mut fit };
+                (0..2).for_each(|when| sums[when] += miss[when]);
+                if is_out && weight > 0.0 {
+                    (count, squares) = (count + 1.0, squares + (miss[0] - miss[1]).powi(2));
                 }
             }
         }
-        sum > 2.0 * (squares - sum * sum / f64::max(count, 1.0)).max(0.0).sqrt()
+        let gain = held_out[0] - held_out[1];
+        let standard_error = (squares - gain * gain / f64::max(count, 1.0)).max(0.0).sqrt();
+        gain > 2.0 * standard_error && !is_mostly_noise(fit, held_out)
     }
 
     /// Whether a pixel is kept out.
@@ -157,4 +163,54 @@ fn noise(pixels: &[[f32; 4]], [width, height]: [usize; 2]) -> Option<f64> {
     let middle = found.len() / 2;
     let (_, median, _) = found.select_nth_unstable_by(middle, f64::total_cmp);
     Some(OF_MEDIAN * *median / 6.0 / rms)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A picture of waves, with normal noise of a standard deviation by the sum of twelve uniform numbers.
+    fn picture(deviation: f64, cut_off: bool) -> Vec<[f32; 4]> {
+        let mut state = 1u32;
+        let mut uniform = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state) / f64::from(u32::MAX)
+        };
+        let mut pixel = |index: usize| {
+            let (x, y) = ((index % 64) as f64, (index / 64) as f64);
+            let wave = 0.5 + 0.6 * (0.1 * x).sin() * (0.08 * y).cos();
+            let value = wave + deviation * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+            let value = if cut_off { value.clamp(0.2, 0.8) } else { value } as f32;
+            [value, value, value, 1.0]
+        };
+        (0..64 * 64).map(&mut pixel).collect()
+    }
+
+    fn rms(pixels: &[[f32; 4]]) -> f64 {
+        (pixels.iter().map(|pixel| f64::from(pixel[0]).powi(2)).sum::<f64>() / pixels.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn the_noise_of_a_picture_is_found() {
+        for deviation in [0.002, 0.02, 0.1] {
+            for cut_off in [false, true] {
+                let pixels = picture(deviation, cut_off);
+                let found = noise(&pixels, [64, 64]).unwrap() * rms(&pixels);
+                // Nearly half of the picture is cut off, and counts as free of noise.
+                let least = if cut_off { 0.5 } else { 0.9 };
+                let share = found / deviation;
+                assert!((least..1.1).contains(&share), "{deviation}, {cut_off}: {share}");
+            }
+        }
+        let clean = picture(0.0, false);
+        assert!(noise(&clean, [64, 64]).unwrap() < NOISELESS);
+    }
+
+    #[test]
+    fn a_picture_of_nothing_has_no_noise() {
+        assert_eq!(noise(&[[0.0, 0.0, 0.0, 1.0]; 16], [4, 4]), None);
+        assert_eq!(noise(&[[0.5, 0.5, 0.5, 1.0]; 16], [4, 4]), Some(0.0));
+        assert_eq!(noise(&[[0.5, 0.5, 0.5, 0.0]; 16], [4, 4]), None, "nothing is wanted");
+        assert_eq!(noise(&[[0.5, 0.5, 0.5, 1.0]; 4], [2, 2]), None, "too small");
+    }
 }

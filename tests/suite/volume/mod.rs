@@ -2,6 +2,7 @@
 
 mod animation;
 mod environment;
+mod held_out;
 mod light;
 mod mitsuba;
 mod operator;

@@ -68,8 +68,47 @@ fn every_step_comes_nearer_and_all_end_below_the_logarithm() {
             last = after(step);
         }
         eprintln!("{depth} {is_scattering} {in_log_space:.5} -> {last:.5}, {} steps", steps.len());
-        assert!(last <= in_log_space, "depth {depth}: {last} from {in_log_space}");
+        // Where the medium has one radiance everywhere, what the logarithm leaves is noise, and pixels that are kept out of the fit say so.
+        let gains = is_scattering && depth >= 0.5;
+        assert!(if gains { last < 0.7 * in_log_space } else { last <= in_log_space }, "depth {depth}");
+        assert_eq!(steps.last().unwrap()["is_taken"], false);
     }
+}
+
+#[test]
+fn without_noise_to_stop_at_every_medium_is_refined_below_the_logarithm() {
+    for is_scattering in [true, false] {
+        let desk = desk(8.0, is_scattering);
+        let close = ["volume", "scene.json", "-q", "-o", "out", "--turntable", "0", "--set", "solve.noise=0"];
+        desk.done(&close);
+        let stages = desk.json("out/report.json")["stages"].as_array().unwrap().clone();
+        let of = |stage: &Value| stage["weighted_residual"]["after"].as_f64().unwrap();
+        assert!(of(stages.last().unwrap()) < 0.95 * of(&stages[0]), "{stages:?}");
+    }
+}
+
+#[test]
+fn a_solve_that_stops_at_the_noise_can_be_resumed() {
+    let desk = desk(2.0, false);
+    let solve = [
+        "volume",
+        "scene.json",
+        "-q",
+        "--turntable",
+        "0",
+        "--set",
+        "find=extinction",
+        "--set",
+        "solve.iterations=400",
+    ];
+    desk.done(&[&solve[..], &["-o", "whole"]].concat());
+    let report = desk.json("whole/report.json");
+    assert_eq!(report["stop"]["reason"], "held-out");
+    assert!(report["stop"]["iteration"].as_u64().unwrap() > 5);
+    desk.done(&[&solve[..], &["-o", "part", "--iterations", "5"]].concat());
+    assert_ne!(desk.read("whole/extinction.npy"), desk.read("part/extinction.npy"));
+    desk.done(&[&solve[..], &["-o", "part", "--resume"]].concat());
+    assert_eq!(desk.read("whole/extinction.npy"), desk.read("part/extinction.npy"));
 }
 
 #[test]
