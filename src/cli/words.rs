@@ -39,7 +39,7 @@ pub(super) fn of_plan(plan: &Plan) -> String {
          skipped     {}\n\
          matrix      {} if kept, and {} for everything else{prepared}; {} are allowed\n\
          strategy    {} ({:.0} % of the rows are kept)\n\
-         time        {:.2} s to set up, then about {iteration:.3} s an iteration: at most {:.1} s for {} iterations",
+         time        {:.2} s to set up{}, then about {iteration:.3} s an iteration: at most {:.1} s for {}",
         plan.scene,
         plan.find,
         counted(plan.views as u64, "view"),
@@ -56,8 +56,16 @@ pub(super) fn of_plan(plan: &Plan) -> String {
         plan.strategy,
         100.0 * plan.kept,
         plan.set_up_seconds,
-        iteration * plan.iterations as f64,
-        plan.iterations,
+        if plan.kept > 0.0 {
+            format!(", {:.2} s to keep the rows", plan.keeping_seconds)
+        } else {
+            String::new()
+        },
+        plan.most_seconds(),
+        match plan.solves {
+            1 => format!("{} iterations", plan.iterations),
+            solves => format!("{solves} solves of {} iterations", plan.iterations),
+        },
     )
 }
 

@@ -8,7 +8,7 @@ use super::steps::Steps;
 use super::{Scenes, volume};
 use crate::Result;
 use crate::problem::{LightMapProblem, Problem, Traced, VolumeProblem};
-use crate::scene::{SolveSettings, VolumeScene};
+use crate::scene::{Find, SolveSettings, VolumeScene};
 use crate::visibility::Geometry;
 
 /// A problem, before anything is solved.
@@ -24,6 +24,8 @@ pub(crate) struct AskedProblem {
     /// How it is solved.
     pub(crate) settings: SolveSettings,
     pub(crate) memory: MemoryBudget,
+    /// How often such a problem is solved at most: steps of a refinement, and rounds.
+    pub(crate) solves: usize,
     /// Seconds that making the problems of its scene took, once there was a hierarchy.
     pub(crate) seconds: f64,
 }
@@ -70,6 +72,7 @@ impl Scenes {
                 settings: memory.settled(scene.solve.clone(), &problem)?,
                 problem: Box::new(problem),
                 memory,
+                solves: 1,
                 seconds,
             }]);
         }
@@ -86,6 +89,8 @@ impl Scenes {
                     views: scene.views.len(),
                     pixels: scene.pixels(),
                     settings: memory.settled(settings, &problem)?,
+                    solves: scene.rounds
+                        * if problem.find == Find::Refinement { scene.extinction.steps } else { 1 },
                     problem: Box::new(problem),
                     memory,
                     seconds,

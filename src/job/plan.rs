@@ -59,15 +59,19 @@ pub struct Plan {
     pub kept: f64,
     /// Seconds before the first iteration, of all stages.
     pub set_up_seconds: f64,
+    /// Seconds that keeping the rows takes, once a solve.
+    pub keeping_seconds: f64,
     /// Seconds of both products.
     pub seconds_per_iteration: f64,
-    /// Iterations at most.
+    /// Iterations at most, of one solve.
     pub iterations: usize,
+    /// Solves at most: steps of a refinement, and rounds.
+    pub solves: usize,
 }
 
 impl Plan {
     pub(super) fn of(asked: AskedProblem) -> Result<Self> {
-        let AskedProblem { scene, find, views, pixels, problem, settings, memory, seconds } = asked;
+        let AskedProblem { scene, find, views, pixels, problem, settings, memory, solves, seconds } = asked;
         let (budget, bytes) = (memory.budget(&settings, &*problem)?, problem.kept_bytes());
         // Lights that do not fit are not kept in part: light volumes take their place.
         let walked = problem.sampled(1).on_cpu(Strategy::MatrixFree, budget)?.storage();
@@ -77,6 +81,7 @@ impl Plan {
             _ => (budget as f64 / bytes.max(1) as f64).min(1.0),
         };
         let formulation = problem.formulation(&settings)?;
+        let [keeping_seconds, seconds_per_iteration] = foreseen_seconds(&*problem, kept)?;
         let around = formulation.parts.iter().filter(|part| part.lattice.is_none());
         Ok(Self {
             unit: formulation.parts.first().map_or("", |part| part.noun),
@@ -99,8 +104,10 @@ impl Plan {
             },
             kept,
             set_up_seconds: seconds,
-            seconds_per_iteration: seconds_per_iteration(&*problem, kept)?,
+            keeping_seconds,
+            seconds_per_iteration,
             iterations: settings.iterations,
+            solves,
             scene,
             find,
             views,
@@ -109,22 +116,41 @@ impl Plan {
     }
 }
 
-/// Times both products on samples of the rows, kept and walked.
+impl Plan {
+    /// Seconds of all iterations of all solves at most, once everything is set up.
+    pub fn most_seconds(&self) -> f64 {
+        self.solves as f64 * (self.keeping_seconds + self.iterations as f64 * self.seconds_per_iteration)
+    }
+}
+
+/// Times keeping the rows and both products on samples of the rows, kept and walked.
 ///
 /// Part of the cost does not depend on the rows, so it takes two samples to foresee that of all.
-fn seconds_per_iteration(problem: &dyn Problem, kept: f64) -> Result<f64> {
-    let seconds = |strategy: Strategy| -> Result<f64> {
-        let timed = |rows| -> Result<(f64, f64)> {
+fn foreseen_seconds(problem: &dyn Problem, kept: f64) -> Result<[f64; 2]> {
+    let seconds = |strategy: Strategy| -> Result<[f64; 2]> {
+        let timed = |rows| -> Result<(f64, [f64; 2])> {
             let sample = problem.sampled(rows);
-            Ok((sample.rows() as f64, least_seconds(&sample.on_cpu(strategy, u64::MAX)?)?))
+            let clock = Instant::now();
+            let operator = sample.on_cpu(strategy, u64::MAX)?;
+            let keeping = clock.elapsed().as_secs_f64();
+            Ok((sample.rows() as f64, [keeping, least_seconds(&operator)?]))
         };
         let (few, many) = (timed(SAMPLE / 4)?, timed(SAMPLE)?);
-        let slope = if many.0 > few.0 { (many.1 - few.1).max(0.0) / (many.0 - few.0) } else { 0.0 };
-        Ok(many.1 + slope * (problem.rows() as f64 - many.0))
+        let of_all = |i: usize| {
+            let more = (many.1[i] - few.1[i]).max(0.0);
+            let slope = if many.0 > few.0 { more / (many.0 - few.0) } else { 0.0 };
+            many.1[i] + slope * (problem.rows() as f64 - many.0)
+        };
+        Ok([of_all(0), of_all(1)])
     };
-    let kept_seconds = if kept > 0.0 { kept * seconds(Strategy::Assembled)? } else { 0.0 };
-    let walked_seconds = if kept < 1.0 { (1.0 - kept) * seconds(Strategy::MatrixFree)? } else { 0.0 };
-    Ok(kept_seconds + walked_seconds)
+    let mut sums = [0.0; 2];
+    for (share, strategy) in [(kept, Strategy::Assembled), (1.0 - kept, Strategy::MatrixFree)] {
+        if share > 0.0 {
+            let seconds = seconds(strategy)?;
+            (0..2).for_each(|i| sums[i] += share * seconds[i]);
+        }
+    }
+    Ok(sums)
 }
 
 /// The least seconds that both products took in a few trials.

@@ -123,7 +123,11 @@ fn extinction_alone_can_be_refined_from_the_scene_s_own() {
     assert!(after < 0.5 * before, "{before} and {after}");
     assert!(desk.names("out").iter().any(|name| name == "extinction.npy"));
     desk.done(&["check", "scene.json", "-q", "--set", "find=refinement"]);
-    desk.done(&["plan", "scene.json", "-q"]);
+    let plans = desk.done(&["plan", "scene.json", "-q", "--json", "--set", "extinction.steps=3"]).json();
+    let solves: Vec<u64> =
+        plans.as_array().unwrap().iter().map(|plan| plan["solves"].as_u64().unwrap()).collect();
+    assert_eq!(solves, [1, 3], "extinction, and each step of its refinement");
+    assert!(desk.done(&["plan", "scene.json", "-q"]).out.contains("solves of 40 iterations"));
 }
 
 #[test]
