@@ -82,6 +82,7 @@ impl Rows {
                 bounds: settings.solver.kept(settings.bounds),
                 pull: 1.0,
                 lattice: Some(Lattice { size: &size, places: None }),
+                pairs: &[],
                 joined: &[],
                 fade: 0.0,
                 scale: 0,

@@ -36,8 +36,10 @@ pub struct Part<'a> {
     pub pull: f64,
     /// Which elements lie beside which; none for elements without neighbours.
     pub lattice: Option<Lattice<'a>>,
+    /// Elements that lie side by side where that is not what the lattice says, by their numbers within the part; empty where it is.
+    pub pairs: &'a [[u32; 2]],
     /// Elements that the gradient joins to those that a row reaches, by their numbers within the part, in increasing order; a pull to their
-    /// start lets what was found fade in them. Only of the first part, on a plane lattice, with one start for all.
+    /// start lets what was found fade in them. On a plane lattice only of the first part, with one start for all.
     pub joined: &'a [u32],
     /// λ of that pull where it is not reached, relative to that of the gradient: 1 / ℓ², ℓ the length in elements over which it fades.
     pub fade: f64,

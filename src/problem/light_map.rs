@@ -317,6 +317,7 @@ impl Problem for LightMapProblem {
             start: Start::Everywhere(self.start, self.maps.light_map.len()),
             bounds: settings.solver.kept(settings.bounds),
             pull: 1.0,
+            pairs: &[],
             joined: if fade > 0.0 { &self.lit } else { &[] },
             fade,
             lattice: Some(Lattice { size: &self.maps.light_map.size, places: None }),

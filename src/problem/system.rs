@@ -287,6 +287,14 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
             let pairs = pairs.map(|pairs| numbered(&pairs, &self.columns, problem.elements()));
             return Ok((Neighbours::of_pairs(self.columns.len(), &pairs), strengths));
         }
+        if let Some((range, part)) = problem.ranges().find(|(_, part)| !part.pairs.is_empty()) {
+            let first = range.start as u32;
+            let pairs: Vec<[u32; 2]> =
+                part.pairs.iter().map(|pair| pair.map(|number| first + number)).collect();
+            let pairs = numbered(&pairs, &self.columns, problem.elements());
+            let known: Vec<[u32; 2]> = pairs.into_iter().filter(|pair| !pair.contains(&NOWHERE)).collect();
+            return Ok((Neighbours::of_pairs(self.columns.len(), &[known]), Vec::new()));
+        }
         let mut places = problem.places(&self.columns);
         if !settings.skip.unknowns {
             let reached = union(&reached(coverage), &spread(problem));
@@ -461,10 +469,11 @@ fn weighted<'a, V: Indexed + 'static, R: Vector + 'static>(
     Ok((Stacked::new(weighted), targets))
 }
 
-/// The elements of lattices of more than two axes that are joined to what is found. Nothing is skipped by making cells of them: a voxel that
-/// no row reaches is the exception.
+/// The elements that are joined to what is found, of lattices of more than two axes and where pairs say who lies beside whom. Nothing is
+/// skipped by making cells of them: one that no row reaches is the exception.
 fn spread(problem: &Formulation) -> Vec<u32> {
-    let is_solid = |part: &Part| part.lattice.is_some_and(|lattice| lattice.size.len() > 2);
+    let is_solid =
+        |part: &Part| !part.pairs.is_empty() || part.lattice.is_some_and(|lattice| lattice.size.len() > 2);
     problem
         .ranges()
         .filter(|(_, part)| is_solid(part))
@@ -482,7 +491,7 @@ fn union(a: &[u32], b: &[u32]) -> Vec<u32> {
 
 /// Cells over the elements of the first part that are joined to what is found; none where none are. Only a plane lattice has some.
 fn cells_of(problem: &Formulation, reached: &[u32]) -> Option<Cells> {
-    let part = problem.parts.first().filter(|part| !part.joined.is_empty())?;
+    let part = problem.parts.first().filter(|part| !part.joined.is_empty() && part.pairs.is_empty())?;
     let &[width, height] = part.lattice?.size else { return None };
     let mut is_reached = vec![false; width * height];
     let of_part = reached.iter().take_while(|&&element| (element as usize) < width * height);

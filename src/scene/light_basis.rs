@@ -149,6 +149,32 @@ impl LightBasis {
         }
     }
 
+    /// The lights that lie side by side: pixels of a map that share a side, all around it, and discs whose middles are no farther apart than one
+    /// and a half times the side of a square of their solid angle, which are the six around each as a rule.
+    pub fn pairs(&self) -> Vec<[u32; 2]> {
+        let mut pairs = Vec::new();
+        match &self.shape {
+            LightShape::Discs { .. } => {
+                let near = (1.5 * self.lights[0].solid_angle.sqrt()).cos();
+                for (b, light) in self.lights.iter().enumerate() {
+                    let is_near = |&a: &usize| self.lights[a].towards.dot(light.towards) >= near;
+                    pairs.extend((0..b).filter(is_near).map(|a| [a as u32, b as u32]));
+                }
+            }
+            LightShape::Map { size: [width, height], numbers } => {
+                for (x, y) in (0..*height).flat_map(|y| (0..*width).map(move |x| (x, y))) {
+                    let here = numbers[y * width + x];
+                    let right = (*width > 2 || x + 1 < *width).then(|| numbers[y * width + (x + 1) % width]);
+                    let below = (y + 1 < *height).then(|| numbers[(y + 1) * width + x]);
+                    let others = right.into_iter().chain(below);
+                    let both = others.filter(|&there| here != u32::MAX && there != u32::MAX && there != here);
+                    pairs.extend(both.map(|there| [here, there]));
+                }
+            }
+        }
+        pairs
+    }
+
     /// Visits the lights that are seen in a direction, and B of each there.
     pub fn each_seen(&self, towards: DVec3, mut visit: impl FnMut(usize, f64)) {
         match &self.shape {
@@ -271,6 +297,28 @@ mod tests {
                 assert!(seen > 0.0 && (towards.length() - 1.0).abs() < 1e-12);
             }
         }
+        Ok(())
+    }
+
+    #[test]
+    fn lights_have_neighbours_all_around() -> Result<()> {
+        let degrees = |basis: &LightBasis| {
+            let mut degrees = vec![0; basis.len()];
+            basis.pairs().iter().flatten().for_each(|&light| degrees[light as usize] += 1);
+            degrees
+        };
+        for count in [16, 128, 1000] {
+            let degrees = degrees(&LightBasis::discs(count, Over::Sphere, 0.5, 1)?);
+            assert!(degrees.iter().all(|degree| (3..=9).contains(degree)), "{count}: {degrees:?}");
+            let mean = degrees.iter().sum::<usize>() as f64 / count as f64;
+            assert!((5.0..7.5).contains(&mean), "{count}: {mean}");
+        }
+        let map = LightBasis::map([12, 6], Over::Sphere)?;
+        let of_row = |y: usize| if y == 0 || y == 5 { 3 } else { 4 };
+        assert!(degrees(&map).iter().enumerate().all(|(pixel, degree)| *degree == of_row(pixel / 12)));
+        assert!(map.pairs().contains(&[11, 0]), "the last column lies beside the first");
+        assert!(LightBasis::discs(1, Over::Sphere, 0.5, 1)?.pairs().is_empty());
+        assert_eq!(LightBasis::map([2, 1], Over::Sphere)?.pairs(), [[0, 1]]);
         Ok(())
     }
 

@@ -22,7 +22,7 @@ fn of_paper() -> Value {
         "opacity": "weight",
         "exposure": 0,
         "light_map": { "size": 512, "fit": "seen", "gobo": false },
-        "solve": { "gradient": 0, "laplacian": 0, "noise": 0 }
+        "solve": { "gradient": 0, "laplacian": 0 }
     })
 }
 
@@ -53,7 +53,7 @@ mod tests {
         let mut document = json!({ "defaults": "paper", "target": "radiance", "solve": { "gradient": 2 } });
         put_into(&mut document);
         assert_eq!(document["target"], "radiance");
-        assert_eq!(document["solve"], json!({ "gradient": 2, "laplacian": 0, "noise": 0 }));
+        assert_eq!(document["solve"], json!({ "gradient": 2, "laplacian": 0 }));
         assert_eq!((&document["opacity"], &document["light_map"]["gobo"]), (&json!("weight"), &json!(false)));
         let mut other = json!({ "defaults": "artist", "version": 1 });
         put_into(&mut other);

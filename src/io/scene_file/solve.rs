@@ -27,7 +27,7 @@ pub struct Solve {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
     /// Stop when the wanted pixels are met to this part of what is wanted of them, root mean square; from 0 (never) to below 1. Where it is not
-    /// given, volumes of noisy pictures stop where pixels that are kept out of the fit come no nearer.
+    /// given, extinction behind noisy pictures stops where pixels that are kept out of the fit come no nearer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<f64>,
     /// Least radiance of a texel: one number or [r, g, b].

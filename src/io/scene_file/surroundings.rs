@@ -71,6 +71,12 @@ impl Surroundings {
 impl Sky {
     fn build(&self, assets: &Assets) -> Built<scene::Sky> {
         let shadow_map = within("shadow_map", self.shadow_map.unwrap_or(SHADOW_MAP), [16, 2048])?;
+        if self.lights.as_ref().is_some_and(|lights| lights.gradient.is_some()) {
+            return Err(Flaw::new(
+                "lights.gradient",
+                "only lights around a volume pull at their neighbours; leave it away",
+            ));
+        }
         let basis = self.lights.clone().unwrap_or_default().build().at("lights")?;
         let start =
             Environment { radiance: self.radiance, file: self.file.clone(), ..Environment::default() };

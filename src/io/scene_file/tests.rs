@@ -106,11 +106,8 @@ fn what_is_not_given_has_its_default() {
     assert_eq!(scene.solve, expected);
     // As in the paper.
     let paper = loaded(text, &["defaults=paper"]).unwrap();
-    let plain = scene::SolveSettings {
-        fade: scene::Fade::OfMap(1.0 / 32.0),
-        noise: Some(0.0),
-        ..scene::SolveSettings::default()
-    };
+    let plain =
+        scene::SolveSettings { fade: scene::Fade::OfMap(1.0 / 32.0), ..scene::SolveSettings::default() };
     assert_eq!((paper.solve, paper.target), (plain, scene::Target::WhiteTint));
     assert_eq!((paper.opacity, paper.exposure), (scene::Opacity::Weight, Some(0.0)));
     assert_eq!((paper.light_map.fit, paper.light_map.square_texels), (scene::MapFit::Seen, false));

@@ -86,6 +86,7 @@ impl Question {
                 bounds: self.settings.solver.kept(self.settings.bounds),
                 pull: 1.0,
                 lattice: Some(Lattice { size: &size, places: None }),
+                pairs: &[],
                 joined: &[],
                 fade: 0.0,
                 scale: 0,

@@ -49,13 +49,14 @@ impl HoldOut {
         })
     }
 
-    /// Whether a property is looked for without them. Steps of a refinement must always help what they have not seen; a linear problem is
-    /// solved without them where the pictures are noisy.
+    /// Whether a property is looked for without them. Steps of a refinement must always help what they have not seen; extinction is looked for
+    /// without them where the pictures are noisy. Emission and albedo are not: what they are for is the pictures, which still come nearer to the
+    /// truth when the volume does no more (docs/volumes.md).
     pub fn applies_to(&self, find: Find) -> bool {
         match find {
             Find::Refinement => true,
-            Find::Environment => false,
-            _ => self.noise > NOISELESS,
+            Find::Extinction => self.noise > NOISELESS,
+            Find::Emission | Find::Albedo | Find::Joint | Find::Environment => false,
         }
     }
 

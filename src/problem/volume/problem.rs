@@ -323,6 +323,7 @@ impl Problem for VolumeProblem {
             bounds: kind.bounds,
             pull: kind.pull,
             lattice: Some(Lattice { size: &kind.size, places: Some(&self.places[elements]) }),
+            pairs: &kind.pairs,
             joined: self.joined.get(..kind.len).unwrap_or_default(),
             fade: 0.0,
             scale: 0,

@@ -40,6 +40,8 @@ pub(super) struct ElementKind {
     pub(super) size: Vec<usize>,
     pub(super) bounds: [Scalars; 2],
     pub(super) pull: f64,
+    /// Who lies beside whom, where that is not what the lattice says.
+    pub(super) pairs: Vec<[u32; 2]>,
 }
 
 impl Searched {
@@ -70,8 +72,8 @@ impl Searched {
             places: Vec::new(),
             kinds: Vec::new(),
             outside_hull: 0,
-            // A measured voxel that nobody sees is unknown; a painted one is like those beside it.
-            spreads: scene.is_painted && find != Find::Environment,
+            // A measured voxel that nobody sees is unknown; a painted one is like those beside it, and so is a part of the sky.
+            spreads: scene.is_painted || find == Find::Environment,
         };
         let mut add =
             |quantity, volume, bounds, pull| searched.add((scene, optics), quantity, volume, bounds, pull);
@@ -102,6 +104,7 @@ impl Searched {
                     size: scene.light_basis.lattice().to_vec(),
                     bounds: scene.solve.solver.kept(bounds.environment),
                     pull: 1.0,
+                    pairs: scene.light_basis.pairs(),
                 });
             }
         }
@@ -173,6 +176,7 @@ impl Searched {
             size: grid.size().to_vec(),
             bounds: scene.solve.solver.kept(bounds),
             pull,
+            pairs: Vec::new(),
         });
         self.parts.push(VoxelElements::new(quantity, grid, Arc::new(voxels), optics.density.interpolation()));
         Ok(())

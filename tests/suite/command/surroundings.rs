@@ -77,13 +77,14 @@ fn bad_surroundings_are_named() {
     let mut everywhere = scene();
     everywhere["light_map"]["extent"] = json!({ "min": [-1e6, -1e6], "max": [1e6, 1e6] });
     everywhere["surroundings"] = json!({ "sun": true });
-    let table: [(Value, &str); 10] = [
+    let table: [(Value, &str); 11] = [
         (around(json!({})), "nothing is looked for"),
         (around(json!({ "son": true })), "sun"),
         (lights(json!({ "count": 0 })), "from 1 to 4096 lights"),
         (lights(json!({ "count": 1_000_000_000 })), "from 1 to 4096 lights"),
         (lights(json!({ "map": [8, 4], "count": 9 })), "only discs have this"),
         (lights(json!({ "up": [0, 1, 0] })), "only a hemisphere has an up"),
+        (lights(json!({ "gradient": 0.1 })), "only lights around a volume pull"),
         (around(json!({ "environment": { "shadow_map": 4 } })), "from 16 to 2048"),
         (around(json!({ "environment": { "radiance": -1 } })), "radiance"),
         (below, "none of the 4 lights of surroundings.environment reaches"),

@@ -4,8 +4,8 @@ use unscatter::Error;
 use unscatter::operator::{CpuVector, FromHost, LinearOperator, TransportOperator, adjoint_test};
 use unscatter::problem::{Problem, VolumeProblem, VolumeState};
 use unscatter::scene::{
-    DirectionalLight, Environment, Find, LightBasis, Mesh, Over, Primitive, Rgb, Strategy, VolumeMedium,
-    VolumeScene, look_at,
+    DirectionalLight, Environment, Find, LightBasis, Mesh, Over, Primitive, RegularizationWeight, Rgb,
+    Strategy, VolumeMedium, VolumeScene, look_at,
 };
 use unscatter::sparse::ExplicitMatrix;
 
@@ -168,6 +168,62 @@ fn the_light_of_pictures_is_found_again() {
         let error = picture_error(&pictures_in(&scene, &found, Find::Environment), &target);
         assert!(error <= VOLUME_PICTURES, "{case:?}: {error:e}");
     }
+}
+
+/// Radiance that rises from the nadir to the zenith, as the scene's lights would give it.
+fn smooth_sky(basis: &LightBasis) -> Vec<Rgb> {
+    basis.lights().iter().map(|light| [0.5, 0.6, 0.8].map(|c| c * (1.2 + light.towards.y as f32))).collect()
+}
+
+/// The lights that are found behind noisy pictures of a smooth sky, with some pull of neighbours; and the sky itself.
+fn found_behind_noise(scene: &mut VolumeScene, gradient: f64) -> [Vec<Rgb>; 2] {
+    scene.regularization_of_sky.gradient = RegularizationWeight::Relative(gradient);
+    let sky = smooth_sky(&scene.light_basis);
+    let mut pictures = pictures_in(scene, &lit(scene, sky.clone()), Find::Environment);
+    let mut n = numbers(3);
+    let mut noise = |value: f32| value + n.uniform(-0.05, 0.05) as f32;
+    pictures
+        .iter_mut()
+        .flat_map(|picture| &mut picture.pixels)
+        .for_each(|color| *color = color.map(&mut noise));
+    let (_, found) = solved_state(scene, &problem(scene, &wanted(&pictures), Find::Environment));
+    [found.environment.coefficients(&scene.light_basis), sky]
+}
+
+#[test]
+fn a_sky_that_is_found_is_smooth() {
+    for case in [CASES[1], CASES[4], Case { is_map: true, ..CASES[4] }] {
+        let mut scene = scene(&case);
+        scene.background = Some([0.1, 0.2, 0.3]);
+        let mut error = |gradient| {
+            let [found, sky] = found_behind_noise(&mut scene, gradient);
+            relative(&found, &sky)
+        };
+        let (rough, smooth) = (error(0.0), error(0.01));
+        assert!(smooth < 0.5 * rough, "{case:?}: {smooth} and {rough}");
+    }
+}
+
+#[test]
+fn lights_that_reach_nothing_are_like_those_beside_them() {
+    // A black floor without end hides the lower half of the sky.
+    let mut scene = scene(&CASES[4]);
+    scene.background = Some([0.1, 0.2, 0.3]);
+    scene.mesh = floor(4000.0, [0.0; 3]);
+    let below = |scene: &VolumeScene, found: &[Rgb]| -> Vec<f32> {
+        let lights = scene.light_basis.lights().iter().zip(found);
+        lights.filter(|(light, _)| light.towards.y < -0.3).map(|(_, color)| color[0]).collect()
+    };
+    let [found, _] = found_behind_noise(&mut scene, 0.0);
+    assert!(below(&scene, &found).iter().all(|&value| value == 0.0), "they keep their start");
+    let [found, _] = found_behind_noise(&mut scene, 0.01);
+    // What only neighbours pull at is between them.
+    let above = scene.light_basis.lights().iter().zip(&found).filter(|(light, _)| light.towards.y >= -0.3);
+    let [least, most] =
+        above.fold([f32::INFINITY, 0.0f32], |[a, b], (_, color)| [a.min(color[0]), b.max(color[0])]);
+    let values = below(&scene, &found);
+    assert!(values.iter().all(|value| (least..=most).contains(value)), "{least} {most} {values:?}");
+    assert!(values.iter().all(|&value| value > 0.1));
 }
 
 #[test]

@@ -38,7 +38,7 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     ("Sky", &["file"]),
     ("Environment", &["file"]),
     // Discs have what maps have not, and only hemispheres an up.
-    ("Lights", &["count", "map", "up", "softness", "samples"]),
+    ("Lights", &["count", "map", "up", "softness", "samples", "gradient"]),
     // Where the files say; as many as the extinction has.
     ("Volume", &["to_world", "size", "refraction"]),
     ("FieldSource", &["value", "file", "member", "made", "size"]),

@@ -268,7 +268,7 @@ impl VolumeDocument {
         }
         let is_painted = self.is_painted();
         // Lights are as many in a painted scene as in any other. So is what is wrong with the settings, before anything is read.
-        let regularization_of_sky = self.solve.build_volume(None).at("solve")?.regularization;
+        let of_voxels = self.solve.build_volume(None).at("solve")?.regularization;
         let extinction = self.extinction.build().at("extinction")?;
         let bounds = self.bounds.build().at("bounds")?;
         let pull = |path: &str, value: f64| checked(path, value, "above 0", |pull| pull > 0.0);
@@ -277,7 +277,13 @@ impl VolumeDocument {
         let light_size = light_size(self.light_size).at("light_size")?;
         let background = self.background.map(|color| color.rgb("background", f32::MAX)).transpose()?;
         let environment = self.environment.clone().unwrap_or_default();
-        let light_basis = environment.lights.clone().unwrap_or_default().build().at("environment.lights")?;
+        let lights = environment.lights.clone().unwrap_or_default();
+        let light_basis = lights.build().at("environment.lights")?;
+        let smoothness = lights.smoothness(is_painted).at("environment.lights")?;
+        let regularization_of_sky = scene::Regularization {
+            gradient: scene::RegularizationWeight::Relative(smoothness),
+            ..of_voxels
+        };
         let environment = environment.build(assets).at("environment")?;
         let stages = self.find.stages();
         let rounds = self.rounds.unwrap_or(ROUNDS);
@@ -326,12 +332,13 @@ impl VolumeDocument {
         self.schema = None;
         self.name.get_or_insert_with(|| stem(file));
         self.volume = self.settled_volume();
-        if !self.is_painted() {
+        let is_painted = self.is_painted();
+        if !is_painted {
             self.solve.settle_volume();
         }
         self.rounds.get_or_insert(ROUNDS);
         self.lights.iter_mut().for_each(Light::settle);
-        self.environment.get_or_insert_default().settle();
+        self.environment.get_or_insert_default().settle(is_painted);
         self.views.iter_mut().for_each(VolumeView::settle);
         if let Some(transforms) = &mut self.transforms {
             transforms.every.get_or_insert(EVERY);

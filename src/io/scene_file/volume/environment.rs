@@ -33,10 +33,12 @@ const DIRECTIONS: usize = 64;
 
 impl Environment {
     /// Puts in the settings that are not given.
-    pub(super) fn settle(&mut self) {
+    pub(super) fn settle(&mut self, is_painted: bool) {
         self.radiance.get_or_insert(Self::default_radiance(self.file.as_ref()));
         self.directions.get_or_insert(DIRECTIONS);
-        self.lights.get_or_insert_default().settle();
+        let lights = self.lights.get_or_insert_default();
+        lights.settle();
+        lights.settle_smoothness(is_painted);
     }
 
     /// The radiance when it is not given: with a file a factor.

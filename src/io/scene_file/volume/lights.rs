@@ -4,7 +4,7 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::io::scene_file::flaw::{Built, Flaw};
+use crate::io::scene_file::flaw::{Built, Flaw, checked};
 use crate::scene::{self, LightBasis};
 
 /// Lights that an environment is a combination of: discs of one solid angle spread evenly, or the pixels of a `map`.
@@ -30,6 +30,10 @@ pub struct Lights {
     /// Directions that the light of one disc is taken from, from 1 to 64; 1 when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples: Option<usize>,
+    /// λ of the pull of neighbouring lights to each other, not negative; when not given 1 where something is painted, else 0.01. Of lights around a
+    /// volume.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gradient: Option<f64>,
 }
 
 /// The part of all directions that lights are spread over.
@@ -48,6 +52,8 @@ const COUNT: usize = 128;
 const UP: [f64; 3] = [0.0, 1.0, 0.0];
 const SOFTNESS: f64 = 0.5;
 const SAMPLES: usize = 1;
+/// Of skies behind pictures that were measured, and behind paint: measured in docs/environment.md.
+const GRADIENT: [f64; 2] = [0.01, 1.0];
 
 impl Lights {
     /// Puts in the settings that are not given, where they mean something.
@@ -60,6 +66,17 @@ impl Lights {
             self.softness.get_or_insert(SOFTNESS);
             self.samples.get_or_insert(SAMPLES);
         }
+    }
+
+    /// Puts in the pull to neighbours, where it is not given.
+    pub(super) fn settle_smoothness(&mut self, is_painted: bool) {
+        self.gradient.get_or_insert(GRADIENT[usize::from(is_painted)]);
+    }
+
+    /// λ of the pull of neighbouring lights to each other.
+    pub(super) fn smoothness(&self, is_painted: bool) -> Built<f64> {
+        let gradient = self.gradient.unwrap_or(GRADIENT[usize::from(is_painted)]);
+        checked("gradient", gradient, "not negative", |gradient| gradient >= 0.0)
     }
 
     pub(in crate::io::scene_file) fn build(&self) -> Built<LightBasis> {
