@@ -28,10 +28,11 @@ pub struct HoldOut {
 }
 
 impl HoldOut {
-    /// The pixels that are kept out of the fits of a scene. None where something is painted, since paint is no measurement, where the scene says
-    /// itself how noisy its pictures are, and where there are few pixels.
+    /// The pixels that are kept out of the fits of a scene. None where no extinction is looked for, where something is painted, since paint is no
+    /// measurement, where the scene says itself how noisy its pictures are, and where there are few pixels.
     pub fn of(scene: &VolumeScene, desired: &[Desired]) -> Option<Self> {
-        if scene.is_painted || scene.solve.noise.is_some() {
+        let is_asked = scene.stages.iter().any(|find| matches!(find, Find::Extinction | Find::Refinement));
+        if !is_asked || scene.is_painted || scene.solve.noise.is_some() {
             return None;
         }
         let wanted = desired.iter().flat_map(|view| &view.pixels).filter(|pixel| pixel[3] > 0.0).count();
