@@ -144,7 +144,10 @@ impl ProblemSolve<'_> {
             })?;
         tell_of_limit(self.settings, &solved.outcome);
         let out_of_reach = OutOfReach::new(self.problem, operator, self.settings, &solved.x)?;
-        tell_of_wishes(self.problem, &out_of_reach);
+        // Whatever is missing where a solve has ended at the noise is noise.
+        if solved.outcome.stop.reason != StopReason::HeldOut {
+            tell_of_wishes(self.problem, &out_of_reach);
+        }
         tell_of_pull(&coverage, &solved);
         let of_it = after(operator, &solved.x, steps)?;
         let other_bytes = self.memory.beside_rows(self.settings, self.problem)?;
