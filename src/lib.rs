@@ -15,6 +15,7 @@ pub mod operator;
 pub mod problem;
 pub mod report;
 pub mod scene;
+mod simd;
 pub mod solve;
 pub mod sparse;
 pub mod visibility;

@@ -8,8 +8,6 @@ const BLOCK: usize = WalkPlan::BLOCK;
 const SHARES: [u64; 2] = [8, 32];
 /// Non-zeros that a row should have in each band: the time should go to them, not to their offsets.
 const IN_BAND: u64 = 32;
-/// The most elements of a band: 16 bits tell their slots apart.
-const LONGEST: usize = 63 << 10;
 /// Elements whose slots stand together. Between them is a cache line of room: a ray across the rows of a map as wide as a power of
 /// two would else meet the same few sets of a cache again and again.
 const RUN: usize = 512;
@@ -29,6 +27,9 @@ pub(super) struct Bands {
 }
 
 impl Bands {
+    /// The most elements of a band: 16 bits tell them apart.
+    pub(super) const LONGEST: usize = 1 << 16;
+
     /// Bands for the rows of a plan.
     pub(super) fn for_plan(plan: &WalkPlan) -> Self {
         Self::balanced(plan.elements, &plan.visits, plan.sampled)
@@ -47,7 +48,7 @@ impl Bands {
             of_block.push(ranges.len() as u32);
             sum += visits_of(block);
             let end = (block + 1) * BLOCK;
-            if sum >= share || end - start + BLOCK > LONGEST {
+            if sum >= share || end - start + BLOCK > Self::LONGEST {
                 ranges.push(start..end);
                 (start, sum) = (end, 0);
             }
@@ -88,29 +89,12 @@ impl Bands {
         element + element / RUN * LINE
     }
 
-    /// The element of a slot.
-    #[inline]
-    pub(super) fn element(slot: usize) -> usize {
-        slot - slot / (RUN + LINE) * LINE
-    }
-
     /// Slots of all bands together.
     pub(super) fn all_slots(&self) -> usize {
         self.slots.last().map_or(0, |last| last.end)
     }
 
-    /// The slots of a band.
-    #[inline]
-    pub(super) fn slots(&self, band: usize) -> Range<usize> {
-        self.slots[band].clone()
-    }
-
     /// Elements that stand together, of those of a band.
-    pub(super) fn runs<T>(elements: &[T]) -> impl Iterator<Item = &[T]> {
-        elements.chunks(RUN)
-    }
-
-    /// The same to write to.
     pub(super) fn runs_mut<T>(elements: &mut [T]) -> impl Iterator<Item = &mut [T]> {
         elements.chunks_mut(RUN)
     }
@@ -152,7 +136,7 @@ mod tests {
 
     #[test]
     fn bands_cover_every_element_once_and_know_their_own() {
-        for elements in [1, 63, 64, 65, 1000, 64 * 40, 64 * 40 + 1, 3 * LONGEST + 5] {
+        for elements in [1, 63, 64, 65, 1000, 64 * 40, 64 * 40 + 1, 3 * Bands::LONGEST + 5] {
             for seed in 0..5u64 {
                 let visits: Vec<u64> = (0..elements.div_ceil(BLOCK) as u64)
                     .map(|block| (block * 7919 + seed) % 13 * seed)
@@ -165,14 +149,10 @@ mod tests {
                     assert_eq!(range.start, next);
                     assert_eq!(range.len(), band.len());
                     assert!(range.clone().all(|element| bands.of(element) == (number, range.clone())));
-                    assert!(range.len() <= LONGEST);
+                    assert!(range.len() <= Bands::LONGEST);
                     let slots: Vec<usize> = (0..range.len()).map(Bands::slot).collect();
-                    assert!(
-                        slots
-                            .iter()
-                            .all(|&slot| slot < bands.slots(number).len() && slot <= usize::from(u16::MAX))
-                    );
-                    assert!(slots.iter().enumerate().all(|(element, &slot)| Bands::element(slot) == element));
+                    assert!(slots.is_sorted_by(|a, b| a < b));
+                    assert!(slots.iter().all(|&slot| slot < bands.slots[number].len()));
                     next = range.end;
                 }
                 assert_eq!(next, elements);

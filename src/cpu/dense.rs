@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::rows::{Padded, padded};
+use super::products::{Padded, padded};
 use crate::march::Weight;
 use crate::operator::{CpuVector, LinearOperator, MatrixRows, expect_len};
 use crate::{Error, Result};

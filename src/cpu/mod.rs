@@ -9,6 +9,7 @@ mod dense;
 mod host;
 mod lighting;
 mod mixed;
+mod products;
 mod rows;
 mod tiles;
 mod transport;

@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::rows::{Padded, padded};
+use super::products::{Padded, padded};
 use crate::march::{Real, Weight, channel};
 use crate::operator::{
     Bounds, CpuVector, MatrixRows, Metric, Scalars, TILE_SIDE as SIDE, TileBlocks, Tiling, parallel,

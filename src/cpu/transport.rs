@@ -4,9 +4,12 @@ use std::sync::{Mutex, MutexGuard};
 use rayon::prelude::*;
 
 use super::bands::Bands;
-use super::rows::{CHUNK, Chunk, Padded, padded};
+use super::products::{Padded, padded};
+use super::rows::{Chunk, PIECE, Packing};
 use crate::march::{Real, Traversal, Weight, channel};
-use crate::operator::{CpuVector, LinearOperator, MatrixRows, Storage, WalkPlan, expect_len, lock, parallel};
+use crate::operator::{
+    CpuVector, LinearOperator, MatrixRows, RowOrder, Storage, WalkPlan, expect_len, lock, parallel,
+};
 use crate::scene::Strategy;
 use crate::{Error, Result};
 
@@ -15,22 +18,14 @@ const WALKED_AT_ONCE: u64 = 24 << 20;
 /// The most elements for which tasks share rows and not bands. Where elements are so few, most rows meet many of them, and bands would
 /// be few and their sums long.
 const FEW: usize = 4096;
-/// Chunks that one task adds up then.
-const CHUNKS_AT_ONCE: usize = 64;
-/// Elements that one task copies.
-const PIECE: usize = 1 << 14;
+/// Rows that one task adds up then.
+const ROWS_AT_ONCE: usize = 4096;
+/// Elements, or rows, that one task copies.
+const COPIED: usize = 1 << 14;
 
 /// Bytes that keeping all non-zeros takes on the processor, foreseen; `channels` weights of an `F` each.
 pub fn kept_bytes<F>(plan: &WalkPlan, channels: usize) -> u64 {
-    bytes_in::<F>(&Bands::for_plan(plan), plan, channels)
-}
-
-fn bytes_in<F>(bands: &Bands, plan: &WalkPlan, channels: usize) -> u64 {
-    // A row has a run in every band at most, and none without a non-zero.
-    let runs = plan.rows as f64 * plan.nonzeros_a_row().min(bands.len() as f64);
-    let starts = plan.rows.div_ceil(CHUNK) * (bands.len() + 1) * size_of::<u32>();
-    let nonzero = size_of::<u16>() + channels * size_of::<F>();
-    (plan.nonzeros as f64 * nonzero as f64 + 8.0 * runs + starts as f64) as u64
+    Packing::quickest::<F>(plan, channels).bytes::<F>(plan, &Bands::for_plan(plan), channels)
 }
 
 /// `T` of a traversal as an operator: kept where memory allows, walked again where not.
@@ -49,23 +44,35 @@ pub struct Transport<T, F, const C: usize> {
 #[derive(Debug)]
 struct KeptRows<F, const C: usize> {
     rows: usize,
+    /// The order in which rows are kept and walked; what follows counts by it.
+    order: RowOrder,
     /// The first element whose column is long.
     long_from: usize,
     bands: Bands,
     chunks: Vec<Chunk<F, C>>,
     /// Rows from here on are walked.
     first_walked: usize,
+    /// Rows of a chunk.
+    chunk: usize,
     /// Rows that a scatter walks before it adds them up.
     rows_at_once: usize,
-    /// One padded vector of elements, kept from one application to the next: fresh memory costs more than the products.
-    room: Mutex<Vec<Padded<F>>>,
+    room: Mutex<Room<F>>,
+}
+
+/// Vectors that are kept from one application to the next: fresh memory costs more than the products.
+#[derive(Debug, Default)]
+struct Room<F> {
+    /// Elements in their slots.
+    elements: Vec<Padded<F>>,
+    /// Rows in their order, and as many as a block may lack at its end.
+    rows: Vec<Padded<F>>,
 }
 
 /// Walks some rows.
 type Walks<'a, F, const C: usize> = &'a dyn Fn(Range<usize>) -> Vec<Chunk<F, C>>;
 
-/// What a chunk adds to the sums of a band.
-type Scatters<'a, F, const C: usize> = &'a (dyn Fn(&Chunk<F, C>, usize, &mut [Padded<F>]) + Sync);
+/// What some blocks of a chunk add to the sums of a band, of the rows in their order.
+type Sends<F, const C: usize> = fn(&Chunk<F, C>, (usize, Range<usize>), &[Padded<F>], &mut [Padded<F>]);
 
 impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     /// Keeps as many rows as `strategy` and the `budget` in bytes ask for. The plan must be of the same traversal.
@@ -73,8 +80,8 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     /// Errors: [`Error::TooLarge`] when all rows must be kept and do not fit.
     pub fn new(traversal: T, plan: &WalkPlan, strategy: Strategy, budget: u64) -> Result<Self> {
         let rows = traversal.rows();
-        let bands = Bands::for_plan(plan);
-        let bytes = bytes_in::<F>(&bands, plan, C);
+        let (bands, packing) = (Bands::for_plan(plan), Packing::quickest::<F>(plan, C));
+        let bytes = packing.bytes::<F>(plan, &bands, C);
         let kept_rows = match strategy {
             Strategy::MatrixFree => 0,
             _ if bytes <= budget => rows,
@@ -86,21 +93,32 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
                     remedy: "raise solve.memory, lower the sizes, or choose the strategy `auto` or `matrix-free`",
                 });
             }
-            Strategy::Auto => (rows as f64 * budget as f64 / bytes as f64) as usize / CHUNK * CHUNK,
+            Strategy::Auto => {
+                let order = plan.order.bytes() as u64;
+                let share = budget.saturating_sub(order) as f64 / (bytes - order) as f64;
+                (rows as f64 * share) as usize / packing.chunk * packing.chunk
+            }
         };
-        let bytes_a_row = bytes / rows.max(1) as u64 + 1;
-        let rows_at_once = (WALKED_AT_ONCE / bytes_a_row) as usize / CHUNK * CHUNK;
+        // Blocks would not pay for rows that are walked for one product.
+        let single = Packing::single(plan);
+        let bytes_a_row = single.bytes::<F>(plan, &bands, C) / rows.max(1) as u64 + 1;
+        let rows_at_once = (WALKED_AT_ONCE / bytes_a_row) as usize / single.chunk * single.chunk;
         let kept = KeptRows {
             rows,
+            order: plan.order.clone(),
             long_from: traversal.long_from(),
             bands,
             chunks: Vec::new(),
             first_walked: kept_rows,
-            rows_at_once: rows_at_once.max(4 * CHUNK),
-            room: Mutex::new(Vec::new()),
+            chunk: single.chunk,
+            rows_at_once: rows_at_once.max(4 * single.chunk),
+            room: Mutex::default(),
         };
         let mut transport = Self { traversal, kept };
-        transport.kept.chunks = transport.walk_chunks(0..kept_rows);
+        transport.kept.chunks = transport.walk_chunks(0..kept_rows, packing.lanes);
+        if strategy == Strategy::Auto {
+            transport.kept.keep_within(budget);
+        }
         Ok(transport)
     }
 
@@ -111,11 +129,12 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
 
     /// What is kept.
     pub fn storage(&self) -> Storage {
+        let kept = &self.kept;
         Storage {
-            kept_rows: self.kept.first_walked,
-            walked_rows: self.traversal.rows() - self.kept.first_walked,
-            kept_nonzeros: self.kept.chunks.iter().map(|chunk| chunk.nonzeros() as u64).sum(),
-            bytes: self.kept.chunks.iter().map(|chunk| chunk.bytes() as u64).sum(),
+            kept_rows: kept.first_walked,
+            walked_rows: self.traversal.rows() - kept.first_walked,
+            kept_nonzeros: kept.chunks.iter().map(|chunk| chunk.nonzeros() as u64).sum(),
+            bytes: kept.bytes(),
             of_light_volumes: false,
         }
     }
@@ -126,51 +145,57 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     pub fn squares(&self, y: &CpuVector<F>) -> Result<CpuVector<F>> {
         expect_len("the weights", y, self.traversal.rows())?;
         let mut x = self.domain();
-        self.kept.scatter_with(&mut x, &|rows| self.walk_chunks(rows), &|chunk, band, x| {
-            chunk.squares(band, &y.0, x);
-        });
+        self.kept.send(y, &mut x, &|rows| self.walk_chunks(rows, 1), Chunk::squares);
         Ok(x)
     }
 
-    fn walk_chunks(&self, rows: Range<usize>) -> Vec<Chunk<F, C>> {
-        parallel::map(rows.len().div_ceil(CHUNK), &|index| {
-            let start = rows.start + index * CHUNK;
-            Chunk::walk(&self.traversal, start..(start + CHUNK).min(rows.end), &self.kept.bands)
+    fn walk_chunks(&self, rows: Range<usize>, lanes: usize) -> Vec<Chunk<F, C>> {
+        let kept = &self.kept;
+        parallel::map(rows.len().div_ceil(kept.chunk), &|index| {
+            let start = rows.start + index * kept.chunk;
+            let rows = start..(start + kept.chunk).min(rows.end);
+            Chunk::walk(&self.traversal, (&kept.order, rows), lanes, &kept.bands)
         })
     }
 }
 
 impl<F: Real, const C: usize> KeptRows<F, C> {
-    /// Sends every chunk, kept or walked for the purpose, to every band of x.
-    fn scatter_with(&self, x: &mut CpuVector<F>, walk: Walks<F, C>, scatter: Scatters<F, C>) {
-        if x.0.len() <= FEW {
-            return self.scatter_to_few(x, walk, scatter);
+    fn bytes(&self) -> u64 {
+        let order = if self.chunks.is_empty() { 0 } else { self.order.bytes() };
+        self.chunks.iter().map(Chunk::bytes).sum::<usize>() as u64 + order as u64
+    }
+
+    /// Drops rows that were foreseen to be shorter.
+    fn keep_within(&mut self, budget: u64) {
+        while self.bytes() > budget {
+            self.first_walked = self.chunks.pop().map_or(0, |chunk| chunk.rows.start);
         }
+    }
+
+    /// Sends what every row has to every band of x, walking anew what is not kept.
+    fn send(&self, y: &CpuVector<F>, x: &mut CpuVector<F>, walk: Walks<F, C>, send: Sends<F, C>) {
         let mut room = self.room();
-        room.par_chunks_mut(PIECE).for_each(|sums| sums.fill([F::zero(); 4]));
-        let long = self.long_from;
+        let Room { elements, rows } = &mut *room;
+        parallel::on_pieces(&mut rows[..self.rows], COPIED, &|first, rows| {
+            for (position, value) in (first..).zip(rows) {
+                *value = padded(y.0[self.order.row(position)]);
+            }
+        });
+        let rows = &rows[..];
+        if x.0.len() <= FEW {
+            return self.send_to_few(rows, x, walk, send);
+        }
+        parallel::on_pieces(elements, COPIED, &|_, sums| sums.fill([F::zero(); 4]));
         let add = |chunks: &[Chunk<F, C>], sums: &mut [Padded<F>]| {
             self.bands.split_slots(sums).into_par_iter().enumerate().for_each(|(band, sums)| {
-                let range = self.bands.range(band);
-                let short = Bands::slot(long.clamp(range.start, range.end) - range.start);
-                let short = short.min(sums.len());
-                let mut wide: Vec<[f64; 4]> = sums[short..].iter().map(|sum| sum.map(Real::wide)).collect();
-                for chunk in chunks {
-                    sums[short..].fill([F::zero(); 4]);
-                    scatter(chunk, band, sums);
-                    for (wide, sum) in wide.iter_mut().zip(&sums[short..]) {
-                        (0..4).for_each(|lane| wide[lane] += sum[lane].wide());
-                    }
-                }
-                sums[short..].iter_mut().zip(wide).for_each(|(sum, wide)| *sum = wide.map(F::of));
+                self.send_to_band(band, rows, chunks, sums, send);
             });
         };
-        add(&self.chunks, &mut room);
-        let rows = self.rows;
-        for start in (self.first_walked..rows).step_by(self.rows_at_once) {
-            add(&walk(start..(start + self.rows_at_once).min(rows)), &mut room);
+        add(&self.chunks, elements);
+        for start in (self.first_walked..self.rows).step_by(self.rows_at_once) {
+            add(&walk(start..(start + self.rows_at_once).min(self.rows)), elements);
         }
-        let bands = self.bands.split(&mut x.0).into_par_iter().zip(self.bands.split_slots(&mut room));
+        let bands = self.bands.split(&mut x.0).into_par_iter().zip(self.bands.split_slots(elements));
         bands.for_each(|(x, sums)| {
             for (x, sums) in Bands::runs_mut(x).zip(Bands::runs_of_slots(sums)) {
                 x.iter_mut().zip(sums).for_each(|(element, &mut [r, g, b, _])| *element = [r, g, b]);
@@ -178,32 +203,61 @@ impl<F: Real, const C: usize> KeptRows<F, C> {
         });
     }
 
-    /// The same for few elements: tasks share the rows and each has sums of its own, in f64 from chunk to chunk.
-    fn scatter_to_few(&self, x: &mut CpuVector<F>, walk: Walks<F, C>, scatter: Scatters<F, C>) {
+    /// Adds what chunks send to a band; sums of long columns are in f64 from piece to piece.
+    fn send_to_band(
+        &self,
+        band: usize,
+        rows: &[Padded<F>],
+        chunks: &[Chunk<F, C>],
+        sums: &mut [Padded<F>],
+        send: Sends<F, C>,
+    ) {
+        let range = self.bands.range(band);
+        let short = Bands::slot(self.long_from.clamp(range.start, range.end) - range.start).min(sums.len());
+        if short == sums.len() {
+            chunks.iter().for_each(|chunk| send(chunk, (band, chunk.blocks()), rows, sums));
+            return;
+        }
+        let mut wide: Vec<[f64; 4]> = sums[short..].iter().map(|sum| sum.map(Real::wide)).collect();
+        for chunk in chunks {
+            for piece in chunk.pieces() {
+                sums[short..].fill([F::zero(); 4]);
+                send(chunk, (band, piece), rows, sums);
+                for (wide, sum) in wide.iter_mut().zip(&sums[short..]) {
+                    (0..4).for_each(|lane| wide[lane] += sum[lane].wide());
+                }
+            }
+        }
+        sums[short..].iter_mut().zip(wide).for_each(|(sum, wide)| *sum = wide.map(F::of));
+    }
+
+    /// The same for few elements: tasks share the rows and each has sums of its own, in f64 from piece to piece.
+    fn send_to_few(&self, rows: &[Padded<F>], x: &mut CpuVector<F>, walk: Walks<F, C>, send: Sends<F, C>) {
         let slots = self.bands.all_slots();
         let mut sums = vec![[0.0_f64; 3]; slots];
         let sum = |chunks: &[Chunk<F, C>]| {
             let (mut sums, mut run) = (vec![[0.0_f64; 3]; slots], vec![[F::zero(); 4]; slots]);
             for chunk in chunks {
-                run.fill([F::zero(); 4]);
-                let bands = self.bands.split_slots(&mut run).into_iter().enumerate();
-                bands.for_each(|(band, run)| scatter(chunk, band, run));
-                for (sum, run) in sums.iter_mut().zip(&run) {
-                    (0..3).for_each(|c| sum[c] += run[c].wide());
+                for piece in chunk.pieces() {
+                    run.fill([F::zero(); 4]);
+                    let bands = self.bands.split_slots(&mut run).into_iter().enumerate();
+                    bands.for_each(|(band, run)| send(chunk, (band, piece.clone()), rows, run));
+                    for (sum, run) in sums.iter_mut().zip(&run) {
+                        (0..3).for_each(|c| sum[c] += run[c].wide());
+                    }
                 }
             }
             sums
         };
         let mut add = |chunks: &[Chunk<F, C>]| {
-            let parts: Vec<Vec<[f64; 3]>> = chunks.par_chunks(CHUNKS_AT_ONCE).map(sum).collect();
+            let parts: Vec<Vec<[f64; 3]>> = chunks.par_chunks(ROWS_AT_ONCE / self.chunk).map(sum).collect();
             for part in &parts {
                 sums.iter_mut().zip(part).for_each(|(sum, part)| (0..3).for_each(|c| sum[c] += part[c]));
             }
         };
         add(&self.chunks);
-        let rows = self.rows;
-        for start in (self.first_walked..rows).step_by(self.rows_at_once) {
-            add(&walk(start..(start + self.rows_at_once).min(rows)));
+        for start in (self.first_walked..self.rows).step_by(self.rows_at_once) {
+            add(&walk(start..(start + self.rows_at_once).min(self.rows)));
         }
         for (x, sums) in self.bands.split(&mut x.0).into_iter().zip(self.bands.split_slots(&mut sums)) {
             for (x, sums) in Bands::runs_mut(x).zip(Bands::runs_of_slots(sums)) {
@@ -212,27 +266,10 @@ impl<F: Real, const C: usize> KeptRows<F, C> {
         }
     }
 
-    /// y ← T x of the rows that are kept.
-    fn gather(&self, x: &[[F; 3]], y: &mut [[F; 3]]) {
-        if self.chunks.is_empty() {
-            return;
-        }
-        let mut room = self.room();
-        let bands = self.bands.split_slots(&mut room).into_par_iter().enumerate();
-        bands.for_each(|(band, room)| {
-            let x = Bands::runs(&x[self.bands.range(band)]);
-            for (room, x) in Bands::runs_of_slots(room).zip(x) {
-                room.iter_mut().zip(x).for_each(|(room, &element)| *room = padded(element));
-            }
-        });
-        let rows = y.par_chunks_mut(CHUNK).zip(&self.chunks);
-        rows.for_each(|(y, chunk)| chunk.gather(&self.bands, &room, y));
-    }
-
-    /// Room for one padded vector of elements in their slots.
-    fn room(&self) -> MutexGuard<'_, Vec<Padded<F>>> {
+    fn room(&self) -> MutexGuard<'_, Room<F>> {
         let mut room = lock(&self.room);
-        room.resize(self.bands.all_slots(), [F::zero(); 4]);
+        room.elements.resize(self.bands.all_slots(), [F::zero(); 4]);
+        room.rows.resize(self.rows + WalkPlan::NEIGHBOURS[1], [F::zero(); 4]);
         room
     }
 }
@@ -243,10 +280,14 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> MatrixRows<F, C> for Transpo
     }
 
     fn visit(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
-        match self.kept.chunks.get(row / CHUNK).filter(|_| row < self.kept.first_walked) {
-            Some(chunk) => chunk.visit(row, &self.kept.bands, visit),
-            None => self.traversal.walk_shared(row, &mut |element, weight| visit(element, weight.map(F::of))),
+        let kept = &self.kept;
+        let position = kept.order.position(row);
+        if position >= kept.first_walked {
+            let mut visit = |element: usize, weight: Weight<f64, C>| visit(element, weight.map(F::of));
+            return self.traversal.walk_shared(row, &mut visit);
         }
+        let chunk = &kept.chunks[position / kept.chunk];
+        chunk.visit(position, &kept.bands, visit);
     }
 }
 
@@ -265,12 +306,22 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
     fn apply(&self, x: &CpuVector<F>, y: &mut CpuVector<F>) -> Result<()> {
         expect_len("x", x, self.traversal.elements())?;
         expect_len("y", y, self.traversal.rows())?;
-        let first_walked = self.kept.first_walked;
-        let (kept, walked) = y.0.split_at_mut(first_walked);
-        self.kept.gather(&x.0, kept);
-        parallel::on_pieces(walked, CHUNK, &|first, y| {
+        let kept = &self.kept;
+        let mut room = kept.room();
+        let (gathered, walked) = room.rows[..kept.rows].split_at_mut(kept.first_walked);
+        let gathered = gathered.par_chunks_mut(kept.chunk).zip(&kept.chunks);
+        gathered.for_each(|(y, chunk)| chunk.gather(&kept.bands, &x.0, y));
+        parallel::on_pieces(walked, PIECE, &|first, y| {
             for (local, y) in y.iter_mut().enumerate() {
-                *y = gather(&self.traversal, first_walked + first + local, &x.0);
+                let row = kept.order.row(kept.first_walked + first + local);
+                *y = padded(gather(&self.traversal, row, &x.0));
+            }
+        });
+        let rows = &room.rows[..];
+        parallel::on_pieces(&mut y.0, COPIED, &|first, y| {
+            for (row, y) in (first..).zip(y) {
+                let [r, g, b, _] = rows[kept.order.position(row)];
+                *y = [r, g, b];
             }
         });
         Ok(())
@@ -279,9 +330,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
     fn apply_adjoint(&self, y: &CpuVector<F>, x: &mut CpuVector<F>) -> Result<()> {
         expect_len("x", x, self.traversal.elements())?;
         expect_len("y", y, self.traversal.rows())?;
-        self.kept.scatter_with(x, &|rows| self.walk_chunks(rows), &|chunk, band, x| {
-            chunk.scatter(band, &y.0, x);
-        });
+        self.kept.send(y, x, &|rows| self.walk_chunks(rows, 1), Chunk::scatter);
         Ok(())
     }
 }
@@ -300,4 +349,109 @@ pub(crate) fn gather<F: Real, const C: usize>(
         }
     });
     sum.map(F::of)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows of which `alike` in a row meet nearly the same elements, in an order that is not that of their numbers.
+    #[derive(Debug, Clone, Copy)]
+    struct Neighbours {
+        rows: usize,
+        alike: usize,
+        /// By how much one weight is wrong.
+        off: f64,
+    }
+
+    const ELEMENTS: usize = 70_000;
+
+    impl Neighbours {
+        fn weight(&self, row: usize, element: usize) -> [f64; 3] {
+            let off =
+                if (row, element) == (self.rows / 2, self.first(self.rows / 2)) { self.off } else { 0.0 };
+            [1.0, 0.5, 0.25].map(|share| share * (1 + (row * 7 + element * 5) % 11) as f64 * (1.0 + off))
+        }
+
+        fn first(&self, row: usize) -> usize {
+            let position = self.rows - 1 - row;
+            position / self.alike * 5309 % (ELEMENTS - 64) + 2 * (position % self.alike % 3)
+        }
+    }
+
+    impl<const C: usize> Traversal<f64, C> for Neighbours {
+        fn rows(&self) -> usize {
+            self.rows
+        }
+
+        fn elements(&self) -> usize {
+            ELEMENTS
+        }
+
+        fn row_order(&self) -> Option<Vec<u32>> {
+            Some((0..self.rows as u32).rev().collect())
+        }
+
+        fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
+            for element in (0..30).map(|step| self.first(row) + 2 * step) {
+                let weight = self.weight(row, element);
+                visit(element, std::array::from_fn(|c| weight[c]));
+            }
+        }
+    }
+
+    fn values(len: usize) -> CpuVector<f32> {
+        CpuVector((0..len).map(|i| [(i % 13) as f32, 1.0, (i * i % 7) as f32 - 3.0]).collect())
+    }
+
+    /// The largest differences of T x, Tᵀ y and diag(Tᵀ diag(y) T) from sums in f64, and how far the visited rows are off.
+    fn errors<const C: usize>(of: &Neighbours, truth: &Neighbours, lanes: usize) -> [f64; 4] {
+        let plan = WalkPlan::new::<C>(of);
+        let kept = Transport::<_, f32, C>::new(*of, &plan, Strategy::Assembled, u64::MAX).unwrap();
+        assert!(kept.kept.chunks.iter().all(|chunk| chunk.lanes == lanes));
+        assert_eq!(kept.storage().kept_nonzeros, 30 * of.rows as u64);
+        let (x, y) = (values(ELEMENTS), values(of.rows));
+        let (mut forward, mut back) = (kept.range(), kept.domain());
+        kept.apply(&x, &mut forward).unwrap();
+        kept.apply_adjoint(&y, &mut back).unwrap();
+        let squares = kept.squares(&y).unwrap();
+        let mut sums = [vec![[0.0; 3]; of.rows], vec![[0.0; 3]; ELEMENTS], vec![[0.0; 3]; ELEMENTS]];
+        let mut visited = 0.0_f64;
+        for row in 0..of.rows {
+            let mut weights = std::collections::BTreeMap::new();
+            kept.visit(row, &mut |element, weight: Weight<f32, C>| {
+                assert!(weights.insert(element, weight).is_none());
+            });
+            assert_eq!(weights.len(), 30);
+            Traversal::<f64, 3>::walk(truth, row, &mut |element, weight| {
+                let weight: [f64; 3] = std::array::from_fn(|c| channel(&weight, if C == 1 { 0 } else { c }));
+                for c in 0..3 {
+                    let [x, y] = [x.0[element][c], y.0[row][c]].map(f64::from);
+                    sums[0][row][c] += weight[c] * x;
+                    sums[1][element][c] += weight[c] * y;
+                    sums[2][element][c] += weight[c] * weight[c] * y;
+                    visited = visited.max((f64::from(channel(&weights[&element], c)) - weight[c]).abs());
+                }
+            });
+        }
+        let apart = |found: &[[f32; 3]], sums: &[[f64; 3]]| {
+            let off = found.iter().flatten().zip(sums.iter().flatten());
+            off.map(|(found, sum)| (f64::from(*found) - sum).abs()).fold(0.0, f64::max)
+                / sums.iter().flatten().fold(1.0, |most: f64, sum| most.max(sum.abs()))
+        };
+        [apart(&forward.0, &sums[0]), apart(&back.0, &sums[1]), apart(&squares.0, &sums[2]), visited]
+    }
+
+    #[test]
+    fn rows_in_blocks_are_the_rows() {
+        for (alike, lanes) in [(1, 1), (4, 4), (24, 8)] {
+            let rows = Neighbours { rows: 3000 + 5, alike, off: 0.0 };
+            for errors in [errors::<1>(&rows, &rows, lanes), errors::<3>(&rows, &rows, lanes)] {
+                assert!(errors.iter().all(|&error| error <= 2e-7), "{alike} alike: {errors:?}");
+            }
+            let off = Neighbours { off: 1e-3, ..rows };
+            let noticed = errors::<1>(&off, &rows, lanes);
+            assert!(noticed.iter().all(|&error| error > 2e-7), "{alike} alike: {noticed:?}");
+        }
+    }
 }

@@ -4,6 +4,7 @@ use super::basis::{Bilinear, NearestTexel, TexelWindow};
 use super::lit::{
     Colored, Light, LitStretch, LitStretches, SeenPane, SeenPanes, add_extinguished, reached, weight_between,
 };
+use super::row_order::by_direction;
 use super::texels::{TexelRay, grid_ray};
 use super::view_ray::ViewRay;
 use super::visibility::{clip, shadow_ray};
@@ -276,6 +277,10 @@ impl<F: Real, const C: usize> Traversal<F, C> for LightMapTraversal {
     fn elements(&self) -> usize {
         let further = self.further.as_ref().map_or(0, |shown| shown.further());
         self.transport.light_map.len() + further
+    }
+
+    fn row_order(&self) -> Option<Vec<u32>> {
+        Some(by_direction(&self.rays))
     }
 
     fn long_from(&self) -> usize {

@@ -8,6 +8,7 @@ mod exponential;
 mod further_weights;
 mod light_map;
 mod lit;
+mod row_order;
 mod texels;
 mod view_ray;
 mod visibility;
@@ -93,6 +94,12 @@ pub trait Traversal<F: Real, const C: usize>: Sync {
     /// The first of the elements that nearly every row visits: sums over their columns are too long for f32. Most have none.
     fn long_from(&self) -> usize {
         usize::MAX
+    }
+
+    /// All rows in an order in which neighbours meet the same elements. None where nothing is known of one, or it is that of their
+    /// numbers.
+    fn row_order(&self) -> Option<Vec<u32>> {
+        None
     }
 
     /// Visits the non-zeros of a row; weights of elements that are not visited are zero.

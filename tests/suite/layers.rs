@@ -16,7 +16,7 @@ const CRATE: Layers = Layers {
     prefix: "crate::",
     root: "error",
     modules: &[
-        &["error", "warning"],
+        &["error", "simd", "warning"],
         &["scene"],
         &["visibility"],
         &["march"],

@@ -61,10 +61,10 @@ kernels! {
     ProjectedNormSquared: "projected_norm_squared", [Write Read Read], ["bounds" "vector_params" "reduction"], plain, "operator/cpu_vector" "projected_norm_squared_later";
     LargestStep: "largest_step", [Write Read Read], ["vector_params" "reduction"], plain, "operator/cpu_vector" "largest_step";
     // Sums on the processor need no fixed point: they are made in order, in f64.
-    LargestBits: "largest_bits", [Write Read], ["vector_params" "reduction"], plain, "cpu/rows" "scatter";
-    FixedScale: "fixed_scale", [Write Read], [], plain, "cpu/rows" "scatter";
-    FixedFinish: "fixed_finish", [Write Read Read Read], ["vector_params" "vector" "fixed_point"], plain, "cpu/rows" "scatter";
-    Rows: "rows", [Write Read Read Read Read], [], rows, "cpu/rows" "gather";
+    LargestBits: "largest_bits", [Write Read], ["vector_params" "reduction"], plain, "cpu/products" "scatter";
+    FixedScale: "fixed_scale", [Write Read], [], plain, "cpu/products" "scatter";
+    FixedFinish: "fixed_finish", [Write Read Read Read], ["vector_params" "vector" "fixed_point"], plain, "cpu/products" "scatter";
+    Rows: "rows", [Write Read Read Read Read], [], rows, "cpu/products" "gather";
     Tiles: "tiles", [Write Read Read Read Read Read], [], tiles, "cpu/tiles" "sweep";
     // The traversals, compiled into what consumes them. A variant is a traversal, and adds its rays and what they pass through.
     Gather: "gather", [Write Read], [], gathers, "cpu/transport" "gather";

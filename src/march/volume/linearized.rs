@@ -223,6 +223,10 @@ impl<const C: usize> Traversal<f64, C> for LinearizedTraversal {
         self.behind.len()
     }
 
+    fn row_order(&self) -> Option<Vec<u32>> {
+        Some(self.rays().row_order())
+    }
+
     fn elements(&self) -> usize {
         Traversal::<f64, C>::elements(&self.medium)
     }

@@ -498,6 +498,10 @@ impl<const C: usize> Traversal<f64, C> for VolumeTraversal {
         self.rays.len()
     }
 
+    fn row_order(&self) -> Option<Vec<u32>> {
+        Some(self.rays.row_order())
+    }
+
     fn elements(&self) -> usize {
         self.parts.iter().map(|part| part.voxels.len()).sum()
     }

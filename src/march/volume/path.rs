@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::super::row_order::by_nests;
 use super::cells::{CellRay, Line};
 use crate::scene::{Camera, Ray, Volume};
 use crate::{Error, Result};
@@ -37,6 +38,11 @@ impl PixelRays {
     pub fn until(self, lengths: Arc<[f64]>) -> Self {
         debug_assert!(lengths.is_empty() || lengths.len() == self.pixels.len());
         Self { lengths, ..self }
+    }
+
+    /// Rows in an order in which neighbours are neighbours in their picture.
+    pub(super) fn row_order(&self) -> Vec<u32> {
+        by_nests(&self.pixels, |view| self.camera(view).size()[0] as u32)
     }
 
     /// Some of the rays.
@@ -101,10 +107,15 @@ impl PixelRays {
     }
 
     #[inline]
+    fn camera(&self, view: u32) -> &Camera {
+        // Of a single camera all rays are seen by it.
+        &self.cameras[(view as usize).min(self.cameras.len() - 1)]
+    }
+
+    #[inline]
     pub(super) fn line(&self, row: usize) -> Line {
         let [view, pixel] = self.pixels[row];
-        // Of a single camera all rays are seen by it.
-        let camera = &self.cameras[(view as usize).min(self.cameras.len() - 1)];
+        let camera = self.camera(view);
         let width = camera.size()[0];
         let ray = camera.pixel_ray(pixel as usize % width, pixel as usize / width);
         Line { origin: ray.origin, direction: ray.direction }

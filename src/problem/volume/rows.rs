@@ -55,6 +55,10 @@ impl<const C: usize> Traversal<f64, C> for VolumeRows {
         }
     }
 
+    fn row_order(&self) -> Option<Vec<u32>> {
+        Traversal::<f64, C>::row_order(self.through_medium())
+    }
+
     #[inline]
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
         match self {
