@@ -3,6 +3,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::io::image::ExrCompression;
 use crate::io::scene_file::{MemorySize, Subject, parse_size};
 use crate::io::volume::Format;
 use crate::{Error, Result};
@@ -162,9 +163,42 @@ pub(crate) struct SolveArguments {
     /// Neither draw the pictures of the views nor write them, as for sweeps over settings.
     #[arg(long)]
     pub(crate) no_pictures: bool,
+    #[command(flatten)]
+    pub(crate) pictures: PictureArguments,
     /// Write what there is so far, as pictures, every N iterations: to `preview` in the folder for the results.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) preview_every: Option<u32>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PictureArguments {
+    /// How EXR files are packed: `none` and `rle` are quick, `zip` takes a tenth less room and six times as long, `piz` a quarter less.
+    #[arg(long, value_name = "PACKING", default_value = "rle", hide_possible_values = true)]
+    pub(crate) exr: ExrPacking,
+}
+
+/// How EXR files are packed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ExrPacking {
+    /// As they are.
+    None,
+    /// Run lengths.
+    Rle,
+    /// Deflate.
+    Zip,
+    /// Wavelets and Huffman's code.
+    Piz,
+}
+
+impl From<ExrPacking> for ExrCompression {
+    fn from(packing: ExrPacking) -> Self {
+        match packing {
+            ExrPacking::None => Self::None,
+            ExrPacking::Rle => Self::Rle,
+            ExrPacking::Zip => Self::Zip,
+            ExrPacking::Piz => Self::Piz,
+        }
+    }
 }
 
 impl SolveArguments {
@@ -326,6 +360,8 @@ pub(crate) struct RenderArguments {
     /// Pictures of a volume from all around, beside its views.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=720))]
     pub(crate) turntable: u32,
+    #[command(flatten)]
+    pub(crate) pictures: PictureArguments,
 }
 
 /// A part of the light.

@@ -81,6 +81,7 @@ fn options(backend: &BackendArguments, solve: &SolveArguments, folder: &Path) ->
         resume: solve.resume,
         checkpoint_every: Duration::from_secs_f64(solve.checkpoint_every),
         pictures: !solve.no_pictures,
+        exr: solve.pictures.exr.into(),
         ..Options::default()
     }
 }
@@ -159,7 +160,8 @@ pub(super) fn render(arguments: &RenderArguments, manners: &Manners) -> Result<D
         Some(OnlyLight::Scattering) => DrawnLight::Scattered,
         None => DrawnLight::All,
     };
-    let options = Options { turntable: arguments.turntable as usize, light, ..Options::default() };
+    let exr = arguments.pictures.exr.into();
+    let options = Options { turntable: arguments.turntable as usize, light, exr, ..Options::default() };
     watch_interrupt(&options.stop, Some(folder.clone()))?;
     let drawn = job.with(options).draw(arguments.light_map.as_deref(), folder, &mut bar)?;
     let Some(drawn) = drawn else { return Ok(Done::Interrupted) };

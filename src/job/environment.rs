@@ -59,7 +59,7 @@ pub(super) fn write_environment(
     // A map as it is, so that it can be the start of another solve without a loss.
     let picture = environment.picture(if basis.is_map() { basis.lattice() } else { SKY_SIZE })?;
     io::image::write_hdr(&folder.file(&format!("{name}.hdr")), &picture)?;
-    io::image::write_exr(&folder.file(&format!("{name}.exr")), &picture)?;
+    folder.write_exr(name, &picture)?;
     // The brightest light is white, unless the scene's pictures are darker than that.
     let white = f64::from(environment.brightest());
     let exposure = if white > 0.0 { exposure.min(-white.log2()) } else { 0.0 };

@@ -9,6 +9,7 @@ use tempfile::TempDir;
 
 use super::held::{HELD, Held, Owner};
 use super::lock::{LOCK, Lock};
+use crate::io::image::ExrCompression;
 use crate::problem::Rendering;
 use crate::scene::{Image, Rgb};
 use crate::{Error, Result};
@@ -25,6 +26,8 @@ pub(crate) struct Folder {
     /// Whose results are written, where that is known.
     owner: Option<Owner>,
     written: Mutex<BTreeSet<String>>,
+    /// How EXR files are packed.
+    exr: ExrCompression,
     /// Until the run is over.
     _lock: Lock,
 }
@@ -118,13 +121,26 @@ impl Folder {
         remove_previews(&path);
         let making = tempfile::Builder::new().prefix(MAKING).tempdir_in(&path);
         let making = making.map_err(failed("write into", &path))?;
-        Ok(Self { path, making, owner: None, written: Mutex::default(), _lock: lock })
+        Ok(Self {
+            path,
+            making,
+            owner: None,
+            written: Mutex::default(),
+            exr: ExrCompression::default(),
+            _lock: lock,
+        })
     }
 
     /// The same for the results that a command has of a scene. When the last have come, what it wrote there before and has not written
     /// again goes, and so do the results of other scenes.
     pub(crate) fn of(mut self, command: &'static str, scene: &str) -> Self {
         self.owner = Some(Owner { command, scene: scene.to_owned() });
+        self
+    }
+
+    /// The same with EXR files that are packed in another way.
+    pub(crate) fn with_exr(mut self, exr: ExrCompression) -> Self {
+        self.exr = exr;
         self
     }
 
@@ -189,8 +205,13 @@ impl Folder {
 
     /// Writes a picture as EXR, as radiance, and as PNG; gives back the PNG file.
     pub(crate) fn write_picture(&self, name: &str, picture: &Image, exposure: f64) -> Result<Vec<u8>> {
-        io::image::write_exr(&self.file(&format!("{name}.exr")), picture)?;
+        self.write_exr(name, picture)?;
         self.write_png(name, picture, exposure)
+    }
+
+    /// Writes a picture as EXR alone.
+    pub(crate) fn write_exr(&self, name: &str, picture: &Image) -> Result<()> {
+        io::image::write_exr_as(&self.file(&format!("{name}.exr")), picture, self.exr)
     }
 
     /// Writes a picture as PNG alone; gives back the file.

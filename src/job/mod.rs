@@ -36,6 +36,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crate::io::image::ExrCompression;
 use crate::io::scene_file::{
     Animated, AnimatedVolume, Document, Resolved, SceneFile, Subject, VolumeDocument,
 };
@@ -134,6 +135,8 @@ pub struct Options {
     pub checkpoint_every: Duration,
     /// Whether the pictures of the views are drawn and written.
     pub pictures: bool,
+    /// How EXR files are packed.
+    pub exr: ExrCompression,
     /// Pictures of a volume from all around.
     pub turntable: usize,
     /// What pictures of views under a light map show; those beside a light map that was found show all light.
@@ -158,6 +161,7 @@ impl Default for Options {
             resume: false,
             checkpoint_every: Duration::from_secs(10),
             pictures: true,
+            exr: ExrCompression::default(),
             turntable: 8,
             light: DrawnLight::All,
             formats: vec![Format::Npy, Format::Vdb],
@@ -310,7 +314,7 @@ impl Job {
         folder: impl Into<PathBuf>,
         observer: &mut impl Observer,
     ) -> Result<Option<Vec<PathBuf>>> {
-        let folder = Folder::create(folder)?.of("render", self.scenes.name());
+        let folder = Folder::create(folder)?.of("render", self.scenes.name()).with_exr(self.options.exr);
         let mut steps = self.steps(observer);
         let mut names = Vec::new();
         let is_whole = match &self.scenes {

@@ -68,7 +68,7 @@ impl Solution {
         let options = &job.options;
         let mut engine = Engine::open(&options.engine, &options.stop)?;
         let owner = (job.scenes.command(), job.scenes.name().to_owned());
-        let owned = |folder: Folder| folder.of(owner.0, &owner.1);
+        let owned = |folder: Folder| folder.of(owner.0, &owner.1).with_exr(options.exr);
         let folder = options.folder.as_ref().map(Folder::create).transpose()?.map(owned);
         let mut steps = Steps::new(observer, &options.stop, job.timings.clone());
         let found = match &job.scenes {
@@ -190,7 +190,7 @@ impl Solution {
             // Its last checkpoint is published with the results.
             Some(folder) if folder.path() == path => folder,
             _ => {
-                made = Folder::create(path)?.of(self.owner.0, &self.owner.1);
+                made = Folder::create(path)?.of(self.owner.0, &self.owner.1).with_exr(self.options.exr);
                 &made
             }
         };

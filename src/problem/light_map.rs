@@ -19,7 +19,7 @@ use crate::cpu::{HostOperator, Mixed};
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
 use crate::march::{FurtherWeights, LightMapTransport, LightMapTraversal, Real, ViewRay};
-use crate::operator::{CpuVector, OnHost, WalkPlan};
+use crate::operator::{CpuVector, OnHost, WalkPlan, parallel};
 #[cfg(feature = "gpu")]
 use crate::operator::{HostRows, RowTable, Sum};
 use crate::scene::{
@@ -200,8 +200,7 @@ impl LightMapProblem {
     /// Whether no light of the sun is scattered towards the eye along a row.
     pub fn is_dark(&self, row: usize) -> bool {
         let shows_nothing = self.plain[row] == [0.0; 3];
-        let knows = self.further_start.is_empty() && self.start.iter().all(|&light| light > 0.0);
-        if knows { shows_nothing } else { self.traversal.lit_weight(row) == [0.0; 3] }
+        if self.knows_weights() { shows_nothing } else { self.traversal.lit_weight(row) == [0.0; 3] }
     }
 
     /// The weight of all texels on a row together.
@@ -224,11 +223,23 @@ impl LightMapProblem {
     /// The share of the painted pixels' light that comes from outside the light map, where it keeps its colour.
     pub fn share_from_outside(&self) -> f64 {
         let sum = |weight: [f64; 3]| weight.iter().sum::<f64>();
-        let rows = (0..self.constraints.len()).filter(|&row| self.constraints[row].is_painted());
-        let (outside, all) = rows.fold((0.0, 0.0), |(outside, all), row| {
-            (outside + sum(self.traversal.outside_weight(row)), all + sum(self.traversal.lit_weight(row)))
+        let is_known = self.knows_weights();
+        let known = |radiance: Rgb| rgb(|c| radiance[c] / self.start[c]).map(f64::from);
+        let of = |row: usize| match is_known {
+            true => [known(self.known_radiance[row]), known(self.plain[row])].map(sum),
+            false => [self.traversal.outside_weight(row), self.traversal.lit_weight(row)].map(sum),
+        };
+        let rows = parallel::map(self.rows(), &|row| match self.constraints[row].is_painted() {
+            true => of(row),
+            false => [0.0; 2],
         });
+        let [outside, all] = rows.iter().fold([0.0; 2], |sums, row| [sums[0] + row[0], sums[1] + row[1]]);
         outside / all
+    }
+
+    /// Whether what rows show is their weight, all of it and that from outside the map, times the light's radiance.
+    fn knows_weights(&self) -> bool {
+        self.further_start.is_empty() && self.start.iter().all(|&light| light > 0.0)
     }
 
     /// The problem of some of its rows.
@@ -500,8 +511,7 @@ impl Problem for LightMapProblem {
 
     fn skipped(&self) -> Vec<(&'static str, [usize; 2])> {
         let (mut texels, mut lit, mut cut) = (0.0, 0.0, 0);
-        for row in 0..self.rows() {
-            let extent = self.traversal.extent(row);
+        for extent in parallel::map(self.rows(), &|row| self.traversal.extent(row)) {
             texels += extent.texels;
             lit += extent.lit_texels;
             cut += usize::from(extent.cut_off);

@@ -23,7 +23,7 @@ use crate::scene::{Camera, Image, RgbaImage};
 use crate::{Error, Result, Warning};
 
 pub(in crate::io) use cover::read_cover;
-pub use openexr::write_exr;
+pub use openexr::{ExrCompression, write_exr, write_exr_as};
 pub use srgb::{linear_from_srgb, srgb_from_linear};
 
 /// The picture as the bytes of an 8-bit sRGB PNG file, brightened by `exposure` stops.
