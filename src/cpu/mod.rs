@@ -19,5 +19,4 @@ pub use host::HostOperator;
 pub use lighting::{Beam, light_columns, light_volume, near_medium};
 pub use mixed::Mixed;
 pub use tiles::TileMetric;
-pub(crate) use transport::gather;
 pub use transport::{Transport, kept_bytes};

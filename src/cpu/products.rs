@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::bands::Bands;
 use super::rows::{Chunk, Stretch};
-use crate::march::Real;
+use crate::march::{Real, Weight, channel};
 use crate::simd::{Kernel, dispatch};
 
 /// Three channels and a fourth number that nobody reads: one processor register.
@@ -16,6 +16,21 @@ pub(super) type Padded<F> = [F; 4];
 #[inline(always)]
 pub(super) fn padded<F: Real>([r, g, b]: [F; 3]) -> Padded<F> {
     [r, g, b, F::zero()]
+}
+
+#[inline(always)]
+pub(super) fn padded_weight<F: Real, const C: usize>(weight: &Weight<F, C>) -> Padded<F> {
+    [channel(weight, 0), channel(weight, 1), channel(weight, 2), channel(weight, 0)]
+}
+
+#[inline(always)]
+pub(super) fn times<F: Real>(a: Padded<F>, b: Padded<F>) -> Padded<F> {
+    std::array::from_fn(|lane| a[lane] * b[lane])
+}
+
+#[inline(always)]
+pub(super) fn plus<F: Real>(a: Padded<F>, b: Padded<F>) -> Padded<F> {
+    std::array::from_fn(|lane| a[lane] + b[lane])
 }
 
 impl<F: Real, const C: usize> Chunk<F, C> {
@@ -142,11 +157,8 @@ impl<F: Real, const C: usize, const L: usize, const SQUARED: bool> Kernel for Se
             let (elements, weights) = chunk.entries::<L>(entries);
             for (&element, weights) in elements.iter().zip(weights) {
                 let weight = |lane: usize| -> Padded<F> {
-                    let of = |c: usize| {
-                        let weight = weights[if C == 1 { 0 } else { c }][lane];
-                        if SQUARED { weight * weight } else { weight }
-                    };
-                    [of(0), of(1), of(2), of(0)]
+                    let weight: Weight<F, C> = std::array::from_fn(|c| weights[c][lane]);
+                    padded_weight(&if SQUARED { weight.map(|weight| weight * weight) } else { weight })
                 };
                 let mut sum = times(weight(0), y[0]);
                 if L > 1 {
@@ -163,14 +175,4 @@ impl<F: Real, const C: usize, const L: usize, const SQUARED: bool> Kernel for Se
             }
         }
     }
-}
-
-#[inline(always)]
-fn times<F: Real>(a: Padded<F>, b: Padded<F>) -> Padded<F> {
-    std::array::from_fn(|lane| a[lane] * b[lane])
-}
-
-#[inline(always)]
-fn plus<F: Real>(a: Padded<F>, b: Padded<F>) -> Padded<F> {
-    std::array::from_fn(|lane| a[lane] + b[lane])
 }

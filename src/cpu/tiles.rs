@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::products::{Padded, padded};
+use super::products::{Padded, padded, padded_weight, plus, times};
 use crate::march::{Real, Weight, channel};
 use crate::operator::{
     Bounds, CpuVector, MatrixRows, Metric, Scalars, TILE_SIDE as SIDE, TileBlocks, Tiling, parallel,
@@ -210,17 +210,13 @@ impl<F: Real, const C: usize> Tile<F, C> {
         let (d_fours, d_rest) = d.as_chunks::<4>();
         for (weights, d) in fours.iter().zip(d_fours) {
             for lane in 0..4 {
-                for c in 0..3 {
-                    sums[lane][c] += channel(&weights[lane], c) * d[lane][c];
-                }
+                sums[lane] = plus(sums[lane], times(padded_weight(&weights[lane]), d[lane]));
             }
         }
         for (weight, d) in rest.iter().zip(d_rest) {
-            for c in 0..3 {
-                sums[0][c] += channel(weight, c) * d[c];
-            }
+            sums[0] = plus(sums[0], times(padded_weight(weight), *d));
         }
-        std::array::from_fn(|c| (sums[0][c] + sums[1][c]) + (sums[2][c] + sums[3][c]))
+        plus(plus(sums[0], sums[1]), plus(sums[2], sums[3]))
     }
 
     /// One symmetric sweep for ⟨g, d⟩ + ½ dᵀ M d from the present d, with d kept so that `limit` allows it.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::bands::Bands;
 use super::products::{Padded, padded};
 use super::rows::{Chunk, PIECE, Packing};
-use crate::march::{Real, Traversal, Weight, channel};
+use crate::march::{Real, Traversal, Weight};
 use crate::operator::{
     CpuVector, LinearOperator, MatrixRows, RowOrder, Storage, WalkPlan, expect_len, lock, parallel,
 };
@@ -314,7 +314,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
         parallel::on_pieces(walked, PIECE, &|first, y| {
             for (local, y) in y.iter_mut().enumerate() {
                 let row = kept.order.row(kept.first_walked + first + local);
-                *y = padded(gather(&self.traversal, row, &x.0));
+                *y = padded(self.traversal.gather(row, &x.0).map(F::of));
             }
         });
         let rows = &room.rows[..];
@@ -335,25 +335,10 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
     }
 }
 
-/// One element of T x, walked.
-pub(crate) fn gather<F: Real, const C: usize>(
-    traversal: &impl Traversal<f64, C>,
-    row: usize,
-    x: &[[F; 3]],
-) -> [F; 3] {
-    let mut sum = [0.0_f64; 3];
-    traversal.walk(row, &mut |element, weight| {
-        let x = x[element];
-        for c in 0..3 {
-            sum[c] += F::of(channel(&weight, c)).wide() * x[c].wide();
-        }
-    });
-    sum.map(F::of)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::march::channel;
 
     /// Rows of which `alike` in a row meet nearly the same elements, in an order that is not that of their numbers.
     #[derive(Debug, Clone, Copy)]

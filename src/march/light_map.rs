@@ -1,6 +1,8 @@
 use std::sync::Arc;
 
-use super::basis::{Bilinear, NearestTexel, TexelWindow};
+use super::basis::{
+    Bilinear, BilinearWindow, Gathered, NearestTexel, NearestWindow, TexelBasis, TexelSink, times,
+};
 use super::lit::{
     Colored, Light, LitStretch, LitStretches, SeenPane, SeenPanes, add_extinguished, reached, weight_between,
 };
@@ -8,7 +10,7 @@ use super::row_order::by_direction;
 use super::texels::{TexelRay, grid_ray};
 use super::view_ray::ViewRay;
 use super::visibility::{clip, shadow_ray};
-use super::{FurtherWeights, Real, Traversal, Weight};
+use super::{FurtherWeights, Real, Traversal, Weight, gathered};
 use crate::scene::{Basis, Grid, Quadrature};
 use crate::visibility::ShadowMap;
 
@@ -267,6 +269,11 @@ impl<const C: usize> Traversal<f64, C> for LitRay<'_> {
     fn walk(&self, _row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
         self.transport.walk_any(self.ray, self.end, &self.stretches, visit);
     }
+
+    #[inline]
+    fn gather<X: Real>(&self, _row: usize, x: &[[X; 3]]) -> [f64; 3] {
+        self.transport.gather_any::<X, f64, C>(self.ray, self.end, &self.stretches, x)
+    }
 }
 
 impl<F: Real, const C: usize> Traversal<F, C> for LightMapTraversal {
@@ -296,6 +303,15 @@ impl<F: Real, const C: usize> Traversal<F, C> for LightMapTraversal {
                 shown.walk(row, self.transport.light_map.len(), walk, visit);
             }
         }
+    }
+
+    fn gather<X: Real>(&self, row: usize, x: &[[X; 3]]) -> [F; 3] {
+        if self.further.is_some() || self.only_colored {
+            return gathered::<F, C, X>(self, row, x);
+        }
+        let ray = &self.rays[row];
+        let light = Light::<F>::new(ray, &self.transport.shadow_map, self.seen_by(row));
+        self.transport.gather_any::<X, F, C>(ray, self.end(ray), &light, x)
     }
 }
 
@@ -332,35 +348,69 @@ impl LightMapTransport {
         lit: &dyn LitStretches<F>,
         visit: &mut impl FnMut(usize, Weight<F, C>),
     ) {
+        let size = self.light_map.size;
         match self.basis {
-            Basis::Nearest => self.walk::<F, C, NearestTexel<F, C>>(ray, end, lit, visit),
-            Basis::Bilinear => self.walk::<F, C, Bilinear<F, C>>(ray, end, lit, visit),
+            Basis::Nearest => {
+                let mut window = NearestWindow::new(size, visit);
+                self.walk::<F, C, 1, NearestTexel>(ray, end, lit, &mut window);
+                window.finish();
+            }
+            Basis::Bilinear => {
+                let mut window = BilinearWindow::new(size, visit);
+                self.walk::<F, C, 4, Bilinear>(ray, end, lit, &mut window);
+                window.finish();
+            }
         }
     }
 
+    /// The sum of what [`Self::walk_any`] visits times these texels: the same pieces, evaluated where they are.
     #[inline]
-    fn walk<F: Real, const C: usize, W: TexelWindow<F, C>>(
+    fn gather_any<X: Real, F: Real, const C: usize>(
         &self,
         ray: &ViewRay,
         end: f64,
         lit: &dyn LitStretches<F>,
-        visit: &mut impl FnMut(usize, Weight<F, C>),
+        texels: &[[X; 3]],
+    ) -> [F; 3] {
+        let size = self.light_map.size;
+        match self.basis {
+            Basis::Nearest => {
+                let mut gathered = Gathered::<X, F, NearestTexel>::new(texels, size);
+                self.walk::<F, C, 1, NearestTexel>(ray, end, lit, &mut gathered);
+                gathered.sum
+            }
+            Basis::Bilinear => {
+                let mut gathered = Gathered::<X, F, Bilinear>::new(texels, size);
+                self.walk::<F, C, 4, Bilinear>(ray, end, lit, &mut gathered);
+                gathered.sum
+            }
+        }
+    }
+
+    #[inline]
+    fn walk<F: Real, const C: usize, const N: usize, B: TexelBasis<F, C, N>>(
+        &self,
+        ray: &ViewRay,
+        end: f64,
+        lit: &dyn LitStretches<F>,
+        sink: &mut impl TexelSink<F, C, N>,
     ) {
         let Some([enter, leave]) = self.inside(ray, end) else { return };
+        let size = self.light_map.size;
         let sigma_t: [F; C] = std::array::from_fn(|c| F::of(self.sigma_t[c]));
         let scattering: [F; C] = std::array::from_fn(|c| F::of(ray.scattering[c]));
         let at = |t: F, passes: [F; 3]| {
             std::array::from_fn(|c| scattering[c] * passes[c] * (-sigma_t[c] * t).exp())
         };
-        let cells = TexelRay::<F>::new(ray, &self.light_map, W::SHIFT, W::EXTRA);
+        let cells = TexelRay::<F>::new(ray, &self.light_map, B::SHIFT, B::EXTRA);
         let mut reached = cells.cell(F::of(enter));
-        let mut window = W::new(self.light_map.size);
         let mut integrate = |a: F, b: F, passes: [F; 3]| match self.quadrature {
             Quadrature::Exact => {
                 let mut strength: [F; C] = at(a, passes);
                 cells.pieces(&mut reached, a, b, |piece, length| {
                     let s = sigma_t.map(|sigma| sigma * length);
-                    let extinguished = window.integrate(piece, s, strength, visit);
+                    let (weights, extinguished) = B::integrate(piece, size, s);
+                    sink.add(piece.cell, weights.map(|weight| times(strength, weight)));
                     for c in 0..C {
                         strength[c] = strength[c] * (F::one() - extinguished[c]);
                     }
@@ -372,8 +422,10 @@ impl LightMapTransport {
                 for j in index(a)..index(b).min(steps) {
                     let t = (F::of(f64::from(j)) + F::of(0.5)) * step;
                     let strength: [F; C] = at(t, passes);
-                    let strength = std::array::from_fn(|c| strength[c] * sigma_t[c] * step);
-                    window.sample(&cells.at(t), strength, visit);
+                    let strength: [F; C] = std::array::from_fn(|c| strength[c] * sigma_t[c] * step);
+                    let piece = cells.at(t);
+                    let weights = B::sample(&piece, size).map(|v| strength.map(|strength| strength * v));
+                    sink.add(piece.cell, weights);
                 }
             }
         };
@@ -386,6 +438,5 @@ impl LightMapTransport {
                 });
             }
         }
-        window.finish(visit);
     }
 }

@@ -105,8 +105,29 @@ pub trait Traversal<F: Real, const C: usize>: Sync {
     /// Visits the non-zeros of a row; weights of elements that are not visited are zero.
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>));
 
+    /// A row of T x: the sum of its weights times their elements.
+    fn gather<X: Real>(&self, row: usize, x: &[[X; 3]]) -> [F; 3] {
+        gathered(self, row, x)
+    }
+
     /// The same for visitors that are in no hurry: they share one copy of the walk, and are called through a pointer.
     fn walk_shared(&self, row: usize, mut visit: &mut dyn FnMut(usize, Weight<F, C>)) {
         self.walk(row, &mut visit);
     }
+}
+
+/// A row of T x, walked.
+fn gathered<F: Real, const C: usize, X: Real>(
+    traversal: &(impl Traversal<F, C> + ?Sized),
+    row: usize,
+    x: &[[X; 3]],
+) -> [F; 3] {
+    let mut sum = [F::zero(); 3];
+    traversal.walk(row, &mut |element, weight| {
+        let x = x[element];
+        for c in 0..3 {
+            sum[c] += channel(&weight, c) * F::of(x[c].wide());
+        }
+    });
+    sum
 }

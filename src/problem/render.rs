@@ -5,8 +5,7 @@ use rayon::prelude::*;
 use super::Maps;
 use super::light_map::transport;
 use super::surroundings::{Corners, Seen};
-use crate::cpu;
-use crate::march::{LightMapTraversal, LitRay, SeenPanes, ViewRay};
+use crate::march::{LightMapTraversal, LitRay, SeenPanes, Traversal, ViewRay};
 use crate::scene::{Image, Rgb, Scene, rgb};
 use crate::visibility::ShadowMap;
 use crate::{Error, Result};
@@ -216,9 +215,10 @@ impl OfSky {
 }
 
 fn gather(scene: &Scene, row: &LitRay, texels: &[Rgb]) -> Rgb {
-    if scene.medium.is_grey() && row.is_grey() {
-        cpu::gather::<f32, 1>(row, 0, texels)
+    let sum = if scene.medium.is_grey() && row.is_grey() {
+        Traversal::<f64, 1>::gather(row, 0, texels)
     } else {
-        cpu::gather::<f32, 3>(row, 0, texels)
-    }
+        Traversal::<f64, 3>::gather(row, 0, texels)
+    };
+    sum.map(|value| value as f32)
 }
