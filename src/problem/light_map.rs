@@ -205,6 +205,10 @@ impl LightMapProblem {
 
     /// The weight of all texels on a row together.
     pub fn weight_of_texels(&self, row: usize) -> [f64; 3] {
+        if self.knows_weights() {
+            return rgb(|c| (self.plain[row][c] - self.known_radiance[row][c]) / self.start[c])
+                .map(f64::from);
+        }
         let along = self.traversal.inside_weight(row);
         match self.traversal.further_weights() {
             None => along,
