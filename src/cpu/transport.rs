@@ -116,7 +116,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         };
         let mut transport = Self { traversal, kept };
         transport.kept.chunks = transport.walk_chunks(0..kept_rows, packing.lanes);
-        if strategy == Strategy::Auto {
+        if kept_rows < rows {
             transport.kept.keep_within(budget);
         }
         Ok(transport)

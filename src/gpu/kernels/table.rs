@@ -67,7 +67,7 @@ kernels! {
     Rows: "rows", [Write Read Read Read Read], [], rows, "cpu/products" "gather";
     Tiles: "tiles", [Write Read Read Read Read Read], [], tiles, "cpu/tiles" "sweep";
     // The traversals, compiled into what consumes them. A variant is a traversal, and adds its rays and what they pass through.
-    Gather: "gather", [Write Read], [], gathers, "cpu/transport" "gather";
+    Gather: "gather", [Write Read], [], gathers, "march/mod" "gathered";
     Scatter: "scatter", [Read], [], deposits, "cpu/transport" "apply_adjoint";
     Squares: "squares", [Read], [], deposits, "cpu/transport" "squares";
 }
