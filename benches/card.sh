@@ -68,8 +68,8 @@ prepare() {
   done
   glibc="$(grep -aoh 'GLIBC_2\.[0-9]*' "$folder"/bin/* | sort -uV | tail -n 1)"
   glibc="${glibc#GLIBC_}"
-  # The largest; the runner unpacks it.
-  gzip -9 "$folder/bin/suite"
+  # All but the runner, which unpacks them.
+  gzip -9 "$folder"/bin/{unscatter,kernels,suite}
   # A loader that fails as drivers do, for the tests.
   cc -shared -fPIC -o "$folder/faulty/libvulkan.so.1" tests/faulty_vulkan.c -ldl
   cp -r strokes benches/card.sh "$folder/"
