@@ -8,7 +8,7 @@ use std::ops::Range;
 use super::bands::Bands;
 use super::rows::{Chunk, Stretch};
 use crate::march::{Real, Weight, channel};
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, Simd, dispatch};
 
 /// Three channels and a fourth number that nobody reads: one processor register.
 pub(super) type Padded<F> = [F; 4];
@@ -88,7 +88,7 @@ impl<F: Real, const C: usize, const L: usize> Kernel for Gather<'_, F, C, L> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<S: Simd>(self, _: S) {
         let Self { chunk, bands, x, y } = self;
         let mut sums = vec![[[0.0_f64; L]; 3]; chunk.blocks().end];
         for band in 0..bands.len() {
@@ -149,7 +149,7 @@ impl<F: Real, const C: usize, const L: usize, const SQUARED: bool> Kernel for Se
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<S: Simd>(self, _: S) {
         let Self { chunk, band, blocks, y, x } = self;
         let (y, _) = y.as_chunks::<L>();
         for Stretch { block, entries } in chunk.stretches(band, blocks) {

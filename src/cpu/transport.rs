@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::bands::Bands;
 use super::products::{Padded, padded};
-use super::rows::{Chunk, PIECE, Packing};
+use super::rows::{Chunk, Packing};
 use crate::march::{Real, Traversal, Weight};
 use crate::operator::{
     CpuVector, LinearOperator, MatrixRows, RowOrder, Storage, WalkPlan, expect_len, lock, parallel,
@@ -311,12 +311,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
         let (gathered, walked) = room.rows[..kept.rows].split_at_mut(kept.first_walked);
         let gathered = gathered.par_chunks_mut(kept.chunk).zip(&kept.chunks);
         gathered.for_each(|(y, chunk)| chunk.gather(&kept.bands, &x.0, y));
-        parallel::on_pieces(walked, PIECE, &|first, y| {
-            for (local, y) in y.iter_mut().enumerate() {
-                let row = kept.order.row(kept.first_walked + first + local);
-                *y = padded(self.traversal.gather(row, &x.0).map(F::of));
-            }
-        });
+        self.traversal.gather_rows(&x.0, &|k| kept.order.row(kept.first_walked + k), walked);
         let rows = &room.rows[..];
         parallel::on_pieces(&mut y.0, COPIED, &|first, y| {
             for (row, y) in (first..).zip(y) {

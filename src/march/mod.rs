@@ -14,6 +14,8 @@ mod view_ray;
 mod visibility;
 mod volume;
 
+use rayon::prelude::*;
+
 pub use exponential::{SERIES_0, SERIES_2};
 pub use further_weights::{FurtherWeights, Reflected};
 pub use light_map::{LightMapTransport, LightMapTraversal, LitRay, RowExtent};
@@ -110,10 +112,28 @@ pub trait Traversal<F: Real, const C: usize>: Sync {
         gathered(self, row, x)
     }
 
+    /// Some rows of T x: `y[k]` is that of row `row(k)`, and a fourth number that nobody reads.
+    fn gather_rows<X: Real>(&self, x: &[[X; 3]], row: &(dyn Fn(usize) -> usize + Sync), y: &mut [[X; 4]]) {
+        gathered_rows(y, &|k| self.gather(row(k), x).map(Real::wide));
+    }
+
     /// The same for visitors that are in no hurry: they share one copy of the walk, and are called through a pointer.
     fn walk_shared(&self, row: usize, mut visit: &mut dyn FnMut(usize, Weight<F, C>)) {
         self.walk(row, &mut visit);
     }
+}
+
+/// Rows that one task gathers.
+const ROWS_AT_ONCE: usize = 64;
+
+/// Rows of T x, each of which is `gathered`.
+fn gathered_rows<X: Real>(y: &mut [[X; 4]], gathered: &(dyn Fn(usize) -> [f64; 3] + Sync)) {
+    y.par_chunks_mut(ROWS_AT_ONCE).enumerate().for_each(|(piece, y)| {
+        for (k, y) in (piece * ROWS_AT_ONCE..).zip(y) {
+            let [r, g, b] = gathered(k).map(X::of);
+            *y = [r, g, b, X::zero()];
+        }
+    });
 }
 
 /// A row of T x, walked.

@@ -14,6 +14,25 @@ pub(crate) struct Line {
     pub(crate) direction: DVec3,
 }
 
+/// Takes the pieces of a ray slab by slab.
+pub(super) trait Slabs {
+    /// A piece [a, b] in a cell; a may be b.
+    fn piece(&mut self, cell: [usize; 3], a: f64, b: f64);
+
+    /// Is asked after each slab, of three pieces, whether to go on.
+    #[inline(always)]
+    fn settle(&mut self) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
+impl<V: FnMut([usize; 3], f64, f64)> Slabs for V {
+    #[inline(always)]
+    fn piece(&mut self, cell: [usize; 3], a: f64, b: f64) {
+        self(cell, a, b);
+    }
+}
+
 /// A line in cells: each coordinate is affine in t.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CellRay {
@@ -156,6 +175,27 @@ impl CellRay {
         }
     }
 
+    /// As [`Self::pieces`] with pieces without length between them, which `visit` passes over; `settle` says after a few whether to go on.
+    #[inline(always)]
+    pub(super) fn slab_pieces(
+        &self,
+        set: &VoxelSet,
+        a: f64,
+        b: f64,
+        sink: &mut impl Slabs,
+    ) -> ControlFlow<()> {
+        let last = set.size().map(|side| side - 1);
+        let last_brick = set.bricks().map(|side| side - 1);
+        self.coarse().walk([0; 3], last_brick, a, b, |brick, a, b| {
+            if set.is_passed_over(brick) {
+                return ControlFlow::Continue(());
+            }
+            let low = brick.map(|i| i * BRICK);
+            let high = std::array::from_fn(|axis| (low[axis] + BRICK - 1).min(last[axis]));
+            self.slabs(low, high, [a, b], sink)
+        })
+    }
+
     /// Visits the pieces of [a, b] in the cells from `low` to `high`, in order, some of them without length.
     ///
     /// Goes slab by slab along the axis on which the ray is fastest: no other axis is crossed more than once in one, and
@@ -166,15 +206,15 @@ impl CellRay {
         low: [usize; 3],
         high: [usize; 3],
         [a, b]: [f64; 2],
-        visit: impl FnMut([usize; 3], f64, f64),
-    ) {
+        sink: &mut impl Slabs,
+    ) -> ControlFlow<()> {
         let [x, y, z] = self.slope.map(f64::abs);
         if x >= y && x >= z {
-            self.slabs_along::<0>(low, high, [a, b], visit);
+            self.slabs_along::<0>(low, high, [a, b], sink)
         } else if y >= z {
-            self.slabs_along::<1>(low, high, [a, b], visit);
+            self.slabs_along::<1>(low, high, [a, b], sink)
         } else {
-            self.slabs_along::<2>(low, high, [a, b], visit);
+            self.slabs_along::<2>(low, high, [a, b], sink)
         }
     }
 
@@ -184,8 +224,8 @@ impl CellRay {
         low: [usize; 3],
         high: [usize; 3],
         [a, b]: [f64; 2],
-        mut visit: impl FnMut([usize; 3], f64, f64),
-    ) {
+        sink: &mut impl Slabs,
+    ) -> ControlFlow<()> {
         let (p, q) = ((M + 1) % 3, (M + 2) % 3);
         let mut cell: [usize; 3] =
             std::array::from_fn(|axis| (self.at_axis(axis, a) as usize).clamp(low[axis], high[axis]));
@@ -213,22 +253,23 @@ impl CellRay {
             let (at_p, at_q) = (if crosses_p { at_p } else { end }, if crosses_q { at_q } else { end });
             let p_first = at_p <= at_q;
             let (first, second) = if p_first { (at_p, at_q) } else { (at_q, at_p) };
-            visit(cell, t, first);
+            sink.piece(cell, t, first);
             let mut between = cell;
             between[p] = moved(cell[p], p, crosses_p && p_first);
             between[q] = moved(cell[q], q, crosses_q && !p_first);
-            visit(between, first, second);
+            sink.piece(between, first, second);
             cell[p] = moved(cell[p], p, crosses_p);
             cell[q] = moved(cell[q], q, crosses_q);
             plane[p] += if crosses_p { step[p] } else { 0.0 };
             plane[q] += if crosses_q { step[q] } else { 0.0 };
-            visit(cell, second, end);
+            sink.piece(cell, second, end);
+            sink.settle()?;
             if end >= b {
-                return;
+                return ControlFlow::Continue(());
             }
             cell[M] = cell[M].wrapping_add(onwards[M]);
             if cell[M] < low[M] || cell[M] > high[M] {
-                return;
+                return ControlFlow::Continue(());
             }
             plane[M] += step[M];
             t = end;

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::cells::{CellRay, Line};
 use crate::scene::{BRICK, Interpolation, Samples, Volume, VoxelGrid, VoxelSet};
+use crate::simd::Number;
 
 /// A heterogeneous medium: extinction σ_t at the centres of voxels, in 1/metre, none outside their grid.
 ///
@@ -151,18 +152,18 @@ impl Density {
         sample: impl Fn(usize) -> f32,
     ) {
         let sigma_t = |index: usize| std::array::from_fn(|c| f64::from(sample(C * index + c)));
-        match self.interpolation {
-            Interpolation::Nearest => cells.slabs(low, high, ends, |cell, a, b| {
+        let _all_visited = match self.interpolation {
+            Interpolation::Nearest => cells.slabs(low, high, ends, &mut |cell, a, b| {
                 let sigma_t: [f64; C] = sigma_t(self.grid().index(cell));
                 (0..C).for_each(|c| sum[c] += sigma_t[c] * (b - a));
             }),
-            Interpolation::Trilinear => cells.slabs(low, high, ends, |cell, a, b| {
+            Interpolation::Trilinear => cells.slabs(low, high, ends, &mut |cell, a, b| {
                 if b > a {
                     let tau = self.cubic::<C>(cell, cells, [a, b], sigma_t).at(1.0);
                     (0..C).for_each(|c| sum[c] += tau[c]);
                 }
             }),
-        }
+        };
     }
 
     /// σ_t at a point in world space.
@@ -193,12 +194,8 @@ impl Density {
         b: f64,
         mut visit: impl FnMut([usize; 3], f64, f64, &Depth<C>) -> ControlFlow<()>,
     ) {
-        let (shift, extra) = self.interpolation.cells();
-        let cells = CellRay::new(line, self.grid(), shift);
-        let size = self.grid().size();
-        let high = size.map(|side| side as f64 + shift);
-        let Some([a, b]) = cells.clip(shift, high, a, b) else { return };
-        debug_assert_eq!(self.cells.size(), size.map(|side| side + extra));
+        let cells = CellRay::new(line, self.grid(), self.interpolation.cells().0);
+        let Some([a, b]) = self.clipped(&cells, a, b) else { return };
         let _all_visited = cells.pieces(&self.cells, a, b, |cell, a, b| {
             let depth = self.depth(cell, &cells, a, b);
             if depth.coefficients.iter().all(|coefficients| *coefficients == [0.0; 4]) {
@@ -206,6 +203,14 @@ impl Density {
             }
             visit(cell, a, b, &depth)
         });
+    }
+
+    /// The part of [a, b] of a ray that lies in the grid.
+    pub(super) fn clipped(&self, cells: &CellRay, a: f64, b: f64) -> Option<[f64; 2]> {
+        let (shift, extra) = self.interpolation.cells();
+        let size = self.grid().size();
+        debug_assert_eq!(self.cells.size(), size.map(|side| side + extra));
+        cells.clip(shift, size.map(|side| side as f64 + shift), a, b)
     }
 
     /// Optical depth of the piece [a, b] of a ray in one cell.
@@ -244,45 +249,86 @@ impl Density {
         [a, b]: [f64; 2],
         sigma_t: impl Fn(usize) -> [f64; C],
     ) -> Depth<C> {
+        let corners = self.corners_by(cell, sigma_t);
+        let within = self.within(cell, ray, [a, b]);
+        let of = |c: usize| along(corners.map(|corner| corner[c]), within, b - a);
+        Depth { coefficients: std::array::from_fn(of) }
+    }
+
+    /// σ_t of the eight voxels around a trilinear cell; x in the lowest bit of the place, then y, then z.
+    #[inline(always)]
+    pub(super) fn corners<const C: usize>(&self, cell: [usize; 3]) -> [[f64; C]; 8] {
+        let channels = self.volume.channels();
+        let channel = |c: usize| if channels == 1 { 0 } else { c };
+        match self.volume.samples() {
+            Samples::F32(values) => {
+                self.corners_by(cell, |n| std::array::from_fn(|c| values[channels * n + channel(c)].into()))
+            }
+            Samples::F16(values) => {
+                self.corners_by(cell, |n| std::array::from_fn(|c| values[channels * n + channel(c)].into()))
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn corners_by<const C: usize>(
+        &self,
+        cell: [usize; 3],
+        sigma_t: impl Fn(usize) -> [f64; C],
+    ) -> [[f64; C]; 8] {
         let size = self.grid().size();
         let strides = [1, size[0], size[0] * size[1]];
         // The voxel before the first and the one behind the last stand for their neighbours: they weigh nothing.
         let places: [[usize; 2]; 3] = std::array::from_fn(|axis| {
             [0, 1].map(|side| (cell[axis] + side).saturating_sub(1).min(size[axis] - 1) * strides[axis])
         });
-        let corners: [[f64; C]; 8] = std::array::from_fn(|tap| {
-            sigma_t(places[0][tap & 1] + places[1][tap >> 1 & 1] + places[2][tap >> 2])
-        });
-        let length = b - a;
-        let start = ray.at(a);
-        // How far the piece is towards the voxels behind, at its start, and how that changes along it.
-        let [x, y, z]: [[f64; 2]; 3] = std::array::from_fn(|axis| match cell[axis] {
+        std::array::from_fn(|tap| sigma_t(places[0][tap & 1] + places[1][tap >> 1 & 1] + places[2][tap >> 2]))
+    }
+
+    /// How far the piece [a, b] of a ray is towards the voxels behind, at its start, and how that changes along it.
+    #[inline(always)]
+    pub(super) fn within(&self, cell: [usize; 3], ray: &CellRay, [a, b]: [f64; 2]) -> [[f64; 2]; 3] {
+        let (size, start) = (self.grid().size(), ray.at(a));
+        std::array::from_fn(|axis| match cell[axis] {
             0 => [1.0, 0.0],
             last if last == size[axis] => [0.0, 0.0],
-            index => [start[axis] - index as f64, ray.slope[axis] * length],
-        });
-        let coefficients = std::array::from_fn(|c| {
-            let along_x = |tap: usize| {
-                let (low, high) = (corners[tap][c], corners[tap + 1][c]);
-                [low + (high - low) * x[0], (high - low) * x[1]]
-            };
-            let along_xy = |tap: usize| {
-                let (low, high) = (along_x(tap), along_x(tap + 2));
-                let rise = [high[0] - low[0], high[1] - low[1]];
-                [low[0] + rise[0] * y[0], low[1] + rise[0] * y[1] + rise[1] * y[0], rise[1] * y[1]]
-            };
-            let (low, high) = (along_xy(0), along_xy(4));
-            let rise = [high[0] - low[0], high[1] - low[1], high[2] - low[2]];
-            let cubic = [
-                low[0] + rise[0] * z[0],
-                low[1] + rise[0] * z[1] + rise[1] * z[0],
-                low[2] + rise[1] * z[1] + rise[2] * z[0],
-                rise[2] * z[1],
-            ];
-            std::array::from_fn(|n| cubic[n] * length * [1.0, 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0][n])
-        });
-        Depth { coefficients }
+            index => [start[axis] - index as f64, ray.slope[axis] * (b - a)],
+        })
     }
+}
+
+/// The coefficients of τ(u) along a piece of so many metres: trilinear extinction, integrated. `within` is where the piece lies in its cell.
+#[inline(always)]
+pub(super) fn along<T: Number>(corners: [T; 8], within: [[T; 2]; 3], length: T) -> [T; 4] {
+    let [x, y, z] = within;
+    let [a, b, c, d] = [
+        lerp(corners[0], corners[1], x),
+        lerp(corners[2], corners[3], x),
+        lerp(corners[4], corners[5], x),
+        lerp(corners[6], corners[7], x),
+    ];
+    let [low, high] = [bilerp(a, b, y), bilerp(c, d, y)];
+    let rise = [high[0] - low[0], high[1] - low[1], high[2] - low[2]];
+    [
+        (low[0] + rise[0] * z[0]) * length,
+        (low[1] + rise[0] * z[1] + rise[1] * z[0]) * length * (1.0 / 2.0),
+        (low[2] + rise[1] * z[1] + rise[2] * z[0]) * length * (1.0 / 3.0),
+        rise[2] * z[1] * length * (1.0 / 4.0),
+    ]
+}
+
+/// From one number to another, as f₀ + f₁ u goes from 0 to 1: a polynomial in u.
+#[inline(always)]
+fn lerp<T: Number>(low: T, high: T, f: [T; 2]) -> [T; 2] {
+    let rise = high - low;
+    [low + rise * f[0], rise * f[1]]
+}
+
+/// The same from one line to another.
+#[inline(always)]
+fn bilerp<T: Number>(low: [T; 2], high: [T; 2], f: [T; 2]) -> [T; 3] {
+    let rise = [high[0] - low[0], high[1] - low[1]];
+    [low[0] + rise[0] * f[0], low[1] + rise[0] * f[1] + rise[1] * f[0], rise[1] * f[1]]
 }
 
 /// A box of whole bricks around the cells of a set, where it is full enough.

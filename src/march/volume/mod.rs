@@ -1,11 +1,16 @@
 //! The traversal of view rays through volumes.
 
+mod batch;
+mod blocks;
 mod cells;
 mod cuts;
 mod density;
+mod gather;
+mod lengths;
 mod light;
 mod linearized;
 mod path;
+mod quadrature;
 mod sink;
 mod window;
 
@@ -13,15 +18,19 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 pub use density::Density;
+use light::Towards;
 pub use light::{InScattering, LitVolume};
 pub use linearized::{LinearizedTraversal, SourceFunction};
 pub use path::{PixelRays, Refraction};
 
-use super::{Traversal, Weight, exponential};
+use super::{Real, Traversal, Weight, exponential};
 use crate::scene::{Interpolation, Quadrature, Volume, VoxelGrid, VoxelSet};
+use batch::InCells;
 pub(crate) use cells::{CellRay, Line};
 use cuts::Cuts;
-use density::Depth;
+use lengths::{lengths, march_lengths};
+use quadrature::nodes;
+pub use quadrature::{GAUSS_2, GAUSS_4, MOST_PANELS, PANEL};
 use sink::{LitSink, ScatteredSink, Sink, merged};
 use window::{NearestVoxel, Trilinear, Visit, VoxelWindow};
 
@@ -37,6 +46,16 @@ pub enum Quantity {
     /// What arrives and is scattered, L_scat, for an albedo that is known: ∫ T_r σ_t ρ v dt, v trilinear between the centres of
     /// the cached light whatever the basis is (Klehm 2015, sec. 7.4.3).
     InScattered(Arc<Volume>),
+}
+
+impl Quantity {
+    /// What is scattered towards the eye along a line, per albedo, where it is albedo.
+    fn light(&self, line: &Line) -> Option<Vec<Towards<'_>>> {
+        match self {
+            Self::Albedo(light) => Some(light.along(line)),
+            _ => None,
+        }
+    }
 }
 
 /// The elements of one quantity: some voxels of a grid. It is one part of the elements of a traversal.
@@ -120,22 +139,6 @@ pub struct VolumeTraversal {
     rays: PixelRays,
     parts: Vec<VoxelElements>,
 }
-
-/// Nodes and weights of Gauss and Legendre on [0, 1] with four points: exact for polynomials of degree 7.
-pub const GAUSS_4: [[f64; 2]; 4] = [
-    [0.069_431_844_202_973_71, 0.173_927_422_568_726_93],
-    [0.330_009_478_207_571_87, 0.326_072_577_431_273_07],
-    [0.669_990_521_792_428_1, 0.326_072_577_431_273_07],
-    [0.930_568_155_797_026_3, 0.173_927_422_568_726_93],
-];
-/// The same with two points: exact for the cubics that trilinear functions are along a line.
-pub const GAUSS_2: [[f64; 2]; 2] = [[0.211_324_865_405_187_13, 0.5], [0.788_675_134_594_812_9, 0.5]];
-/// Optical depth over which four nodes are accurate enough.
-pub const PANEL: f64 = 0.5;
-/// Panels of a cell at most: 5e5 of optical depth are resolved.
-pub const MOST_PANELS: f64 = 1_048_576.0;
-/// Optical depth behind which nothing adds to what is before it in f64.
-const OPAQUE: f64 = 40.0;
 
 impl VolumeTraversal {
     /// The rows of `rays` over the elements of `parts`.
@@ -350,10 +353,7 @@ impl VolumeTraversal {
                 }
                 return true;
             }
-            let light = match &part.quantity {
-                Quantity::Albedo(light) => Some(light.along(line)),
-                _ => None,
-            };
+            let light = part.quantity.light(line);
             let lit = light.iter().flatten().map(|source| source.grid());
             let cuts = self.cuts((line, [a, b]), &part.grid, lit);
             let sink = LitSink { light: light.as_deref(), window: &mut window, visit };
@@ -385,7 +385,7 @@ impl VolumeTraversal {
         sink: impl Sink<C>,
     ) -> bool {
         match self.transport.quadrature {
-            Quadrature::Exact => self.integrate::<C, W>(stretch, (grid, cuts), strength, sink),
+            Quadrature::Exact => self.integrate::<C, W, _>(stretch, (grid, cuts), strength, sink),
             Quadrature::March { steps } => self.march::<C, W>(stretch, steps, grid, strength, sink),
         }
         strength.iter().any(|&left| left > self.transport.transmittance_bound)
@@ -393,12 +393,12 @@ impl VolumeTraversal {
 
     /// Exact for emission, and for what is scattered of light that is cubic between its cuts.
     #[inline(always)]
-    fn integrate<const C: usize, W: VoxelWindow<C>>(
+    fn integrate<const C: usize, W: VoxelWindow<C>, S: Sink<C>>(
         &self,
         (line, [a, b]): (&Line, [f64; 2]),
         (grid, cuts): (&VoxelGrid, &Cuts),
         strength: &mut Weight<f64, C>,
-        mut sink: impl Sink<C>,
+        mut sink: S,
     ) {
         let density = &*self.transport.density;
         let cells = CellRay::new(line, grid, W::SHIFT);
@@ -408,6 +408,9 @@ impl VolumeTraversal {
         let alike = density.interpolation().cells() == (W::SHIFT, W::EXTRA);
         let shared = alike && grid == density.grid();
         let is_constant = W::CONSTANT && alike;
+        if S::IS_LOCAL && shared && !W::CONSTANT && cuts.is_empty() {
+            return self.integrate_cells(cells, [a, b], strength, sink);
+        }
         density.each_piece::<C>(line, a, b, |cell, a, b, depth| {
             let entering = *strength;
             let tau = depth.at(1.0);
@@ -452,6 +455,23 @@ impl VolumeTraversal {
                 ControlFlow::Break(())
             }
         });
+    }
+
+    /// The same where the elements are the voxels of the medium, trilinear between them: eight pieces at once.
+    fn integrate_cells<const C: usize>(
+        &self,
+        ray: CellRay,
+        [a, b]: [f64; 2],
+        strength: &mut Weight<f64, C>,
+        sink: impl Sink<C>,
+    ) {
+        let density = &*self.transport.density;
+        let Some([a, b]) = density.clipped(&ray, a, b) else { return };
+        let bound = self.transport.transmittance_bound;
+        let mut pieces = InCells::new(density, ray, bound, strength, sink);
+        if ray.slab_pieces(density.cells(), a, b, &mut pieces).is_continue() {
+            let _ends_here = pieces.take();
+        }
     }
 
     /// The papers' march: equal steps from where the ray meets the medium, each worth its midpoint (Klehm 2015, listing 7.1,
@@ -506,6 +526,10 @@ impl<const C: usize> Traversal<f64, C> for VolumeTraversal {
         self.parts.iter().map(|part| part.voxels.len()).sum()
     }
 
+    fn gather_rows<X: Real>(&self, x: &[[X; 3]], row: &(dyn Fn(usize) -> usize + Sync), y: &mut [[X; 4]]) {
+        self.gathered_rows::<X, C>(x, row, y);
+    }
+
     #[inline]
     fn walk(&self, row: usize, visit: &mut impl FnMut(usize, Weight<f64, C>)) {
         let mut first = 0;
@@ -537,80 +561,6 @@ fn each_step(
         let length = step.min(leave - start);
         if !visit(start + 0.5 * length, length) {
             return;
-        }
-    }
-}
-
-/// The same as [`lengths`] in equal steps.
-fn march_lengths<const C: usize, W: VoxelWindow<C>>(
-    (line, ends): (&Line, [f64; 2]),
-    steps: u32,
-    part: &VoxelElements,
-    window: &mut W,
-    visit: &mut Visit<C>,
-) {
-    let cells = CellRay::new(line, &part.grid, W::SHIFT);
-    let high = part.grid.size().map(|side| side as f64 + W::SHIFT);
-    each_step(line, ends, steps, &part.grid, |t, length| {
-        let at = cells.at(t);
-        let cell = at.map(|x| x as usize);
-        if (0..3).all(|axis| at[axis] >= W::SHIFT && at[axis] < high[axis]) && part.cells.contains(cell) {
-            window.sample(cell, at, [length; C], visit);
-        }
-        true
-    });
-}
-
-/// Adds the lengths of a line inside the basis functions of extinction.
-#[inline(always)]
-fn lengths<const C: usize, W: VoxelWindow<C>>(
-    (line, [a, b]): (&Line, [f64; 2]),
-    part: &VoxelElements,
-    window: &mut W,
-    visit: &mut Visit<C>,
-) {
-    let cells = CellRay::new(line, &part.grid, W::SHIFT);
-    let high = part.grid.size().map(|side| side as f64 + W::SHIFT);
-    let Some([a, b]) = cells.clip(W::SHIFT, high, a, b) else { return };
-    let _all_visited = cells.pieces(&part.cells, a, b, |cell, a, b| {
-        let length = b - a;
-        if W::CONSTANT {
-            window.sample(cell, [0.0; 3], [length; C], visit);
-        } else {
-            for [u, weight] in GAUSS_2 {
-                window.sample(cell, cells.at(a + u * length), [weight * length; C], visit);
-            }
-        }
-        ControlFlow::Continue(())
-    });
-}
-
-/// Visits nodes u of [from, to] with weights w so that Σ w f(u) = ∫ τ'(u) e^{τ(from) − τ(u)} f(u) du for a cubic f: four nodes for
-/// every half of optical depth, 1e-8 of the whole where the density is constant, 1e-5 where it is cubic itself.
-#[inline(always)]
-fn nodes<const C: usize>(depth: &Depth<C>, from: f64, to: f64, mut visit: impl FnMut(f64, Weight<f64, C>)) {
-    let (start, end) = (depth.at(from), depth.at(to));
-    // By the steepest part, for panels are equal in length.
-    let slopes = [from, 0.5 * (from + to), to].map(|u| depth.slope(u));
-    let steepest = slopes.as_flattened().iter().copied().fold(0.0, f64::max) * (to - from);
-    let most = (0..C).fold(steepest, |most: f64, c| most.max(end[c] - start[c]));
-    let panels = (most / PANEL).ceil().clamp(1.0, MOST_PANELS);
-    let width = (to - from) / panels;
-    for panel in 0..panels as u32 {
-        let before = depth.at(from + f64::from(panel) * width);
-        if (0..C).all(|c| before[c] - start[c] > OPAQUE) {
-            return;
-        }
-        for [node, weight] in GAUSS_4 {
-            let u = from + (f64::from(panel) + node) * width;
-            let (tau, slope) = (depth.at(u), depth.slope(u));
-            // Rounding can make the slope of a vanishing density negative.
-            visit(
-                u,
-                std::array::from_fn(|c| {
-                    weight * width * slope[c].max(0.0) * exponential::left(tau[c] - start[c])
-                }),
-            );
         }
     }
 }

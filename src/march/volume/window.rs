@@ -22,6 +22,9 @@ pub(super) trait VoxelWindow<const C: usize> {
     /// Adds `weight · v` for every basis function v, at position `at` (in cells) inside `cell`.
     fn sample(&mut self, cell: [usize; 3], at: [f64; 3], weight: Weight<f64, C>, visit: &mut Visit<C>);
 
+    /// Adds weights of the eight voxels around a trilinear cell.
+    fn add(&mut self, cell: [usize; 3], weights: [Weight<f64, C>; 8], visit: &mut Visit<C>);
+
     /// Visits what is left at the end of a ray.
     fn finish(self, visit: &mut Visit<C>);
 }
@@ -50,6 +53,10 @@ impl<const C: usize> VoxelWindow<C> for NearestVoxel<C> {
             visit(self.voxel, self.weight);
         }
         (self.voxel, self.weight) = (cell, weight);
+    }
+
+    fn add(&mut self, _cell: [usize; 3], _weights: [Weight<f64, C>; 8], _visit: &mut Visit<C>) {
+        unreachable!("its cells are voxels")
     }
 
     #[inline(always)]
@@ -124,6 +131,12 @@ impl<const C: usize> VoxelWindow<C> for Trilinear<C> {
         for (tap, part) in self.taps.iter_mut().zip(parts) {
             add(tap, weight.map(|value| value * part));
         }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, cell: [usize; 3], weights: [Weight<f64, C>; 8], visit: &mut Visit<C>) {
+        self.move_to(cell, visit);
+        self.taps.iter_mut().zip(weights).for_each(|(tap, weight)| add(tap, weight));
     }
 
     #[inline(always)]

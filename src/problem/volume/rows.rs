@@ -1,5 +1,7 @@
 use super::environment::LitRows;
-use crate::march::{LinearizedTraversal, PixelRays, Traversal, VolumeTransport, VolumeTraversal, Weight};
+use crate::march::{
+    LinearizedTraversal, PixelRays, Real, Traversal, VolumeTransport, VolumeTraversal, Weight,
+};
 
 /// The rows of a volume problem.
 #[derive(Debug, Clone)]
@@ -57,6 +59,14 @@ impl<const C: usize> Traversal<f64, C> for VolumeRows {
 
     fn row_order(&self) -> Option<Vec<u32>> {
         Traversal::<f64, C>::row_order(self.through_medium())
+    }
+
+    fn gather_rows<X: Real>(&self, x: &[[X; 3]], row: &(dyn Fn(usize) -> usize + Sync), y: &mut [[X; 4]]) {
+        match self {
+            Self::Voxels(rows) => Traversal::<f64, C>::gather_rows(rows, x, row, y),
+            Self::Linearized(rows) => Traversal::<f64, C>::gather_rows(rows, x, row, y),
+            Self::Lights(rows) => Traversal::<f64, C>::gather_rows(rows, x, row, y),
+        }
     }
 
     #[inline]
