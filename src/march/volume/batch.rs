@@ -264,7 +264,7 @@ fn slope_at<T: Number>([a, b, c, d]: [T; 4], u: f64) -> T {
     ((d * (4.0 * u) + c * 3.0) * u + b * 2.0) * u + a
 }
 
-/// e^{−τ} for τ up to [`PANEL`], to 1e-15: a quarter of it by its series, squared twice.
+/// e^{−τ} for τ up to [`PANEL`], to 2e-15: a quarter of it by its series, squared twice.
 #[inline(always)]
 fn decayed<T: Number>(tau: T) -> T {
     const FACTORIALS: [f64; 9] = [40_320.0, 5040.0, 720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0];
@@ -313,8 +313,8 @@ mod tests {
             let errors = (0..=1000).map(|k| PANEL * f64::from(k) / 1000.0);
             errors.map(|tau| (decayed(tau + off) / (-tau).exp() - 1.0).abs()).fold(0.0, f64::max)
         };
-        assert!(worst(0.0) <= 1e-15, "{:e}", worst(0.0));
-        assert!(worst(1e-14) > 1e-15);
+        assert!(worst(0.0) <= 2e-15, "{:e}", worst(0.0));
+        assert!(worst(1e-14) > 2e-15);
     }
 
     /// The weights of a piece with g = 1 + 3 u², by midpoints.
@@ -352,7 +352,7 @@ mod tests {
             assert!((weights.iter().sum::<f64>() - moments[0]).abs() < 1e-15);
             let outside = truth.iter().zip(&weights).filter(|(truth, _)| **truth == 0.0);
             assert!(outside.map(|(_, weight)| *weight).all(|weight| weight == 0.0));
-            assert!(worst(corner_weights([2.0, 1.25, 0.93, 0.75], within)) > 1e-8);
+            assert!(worst(corner_weights([2.0, 1.2501, moments[2], 0.75], within)) > 1e-8);
         }
     }
 }
