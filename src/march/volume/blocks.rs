@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::super::Real;
-use super::VoxelElements;
+use super::elements::VoxelElements;
 use crate::scene::BRICK;
 
 /// Voxels along an axis of a block: one more than the cells of a brick have, between voxel centres.

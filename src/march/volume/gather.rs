@@ -3,9 +3,10 @@
 use super::super::{Real, Traversal, gathered_rows};
 use super::blocks::{AROUND, Blocks, WITHIN};
 use super::cells::{CellRay, Slabs};
+use super::elements::{Quantity, VoxelElements};
 use super::sink::GatherSink;
 use super::window::Trilinear;
-use super::{Quantity, VolumeTransport, VolumeTraversal, VoxelElements};
+use super::{VolumeTransport, VolumeTraversal};
 use crate::scene::{Interpolation, Quadrature};
 
 /// Elements whose copying pays for a row.

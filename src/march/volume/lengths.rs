@@ -2,10 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use super::VoxelElements;
 use super::cells::{CellRay, Line, Slabs};
-use super::each_step;
+use super::elements::VoxelElements;
 use super::quadrature::GAUSS_2;
+use super::steps::each_step;
 use super::window::{Visit, VoxelWindow};
 
 /// Pieces that are settled together.

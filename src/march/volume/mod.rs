@@ -5,6 +5,7 @@ mod blocks;
 mod cells;
 mod cuts;
 mod density;
+mod elements;
 mod gather;
 mod lengths;
 mod light;
@@ -12,19 +13,20 @@ mod linearized;
 mod path;
 mod quadrature;
 mod sink;
+mod steps;
 mod window;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 pub use density::Density;
-use light::Towards;
+pub use elements::{Quantity, VoxelElements};
 pub use light::{InScattering, LitVolume};
 pub use linearized::{LinearizedTraversal, SourceFunction};
 pub use path::{PixelRays, Refraction};
 
 use super::{Real, Traversal, Weight, exponential};
-use crate::scene::{Interpolation, Quadrature, Volume, VoxelGrid, VoxelSet};
+use crate::scene::{Interpolation, Quadrature, VoxelGrid};
 use batch::InCells;
 pub(crate) use cells::{CellRay, Line};
 use cuts::Cuts;
@@ -32,84 +34,8 @@ use lengths::{lengths, march_lengths};
 use quadrature::nodes;
 pub use quadrature::{GAUSS_2, GAUSS_4, MOST_PANELS, PANEL};
 use sink::{LitSink, ScatteredSink, Sink, merged};
+use steps::each_step;
 use window::{NearestVoxel, Trilinear, Visit, VoxelWindow};
-
-/// The quantity whose values a row's weights multiply.
-#[derive(Debug, Clone)]
-pub enum Quantity {
-    /// Emitted radiance L_e: ∫ T_r σ_t v dt (Klehm 2015, eq. 7.4).
-    Emission,
-    /// Albedo ρ: ∫ T_r σ_t L_scat v dt (Klehm 2015, eq. 7.6).
-    Albedo(Arc<InScattering>),
-    /// Extinction σ_t: ∫ v dt (Klehm 2015, eq. 7.13).
-    Extinction,
-    /// What arrives and is scattered, L_scat, for an albedo that is known: ∫ T_r σ_t ρ v dt, v trilinear between the centres of
-    /// the cached light whatever the basis is (Klehm 2015, sec. 7.4.3).
-    InScattered(Arc<Volume>),
-}
-
-impl Quantity {
-    /// What is scattered towards the eye along a line, per albedo, where it is albedo.
-    fn light(&self, line: &Line) -> Option<Vec<Towards<'_>>> {
-        match self {
-            Self::Albedo(light) => Some(light.along(line)),
-            _ => None,
-        }
-    }
-}
-
-/// The elements of one quantity: some voxels of a grid. It is one part of the elements of a traversal.
-#[derive(Debug, Clone)]
-pub struct VoxelElements {
-    /// What they are.
-    pub quantity: Quantity,
-    /// Where the voxels lie.
-    pub grid: VoxelGrid,
-    /// What lies between them.
-    basis: Interpolation,
-    /// Which of them are elements.
-    voxels: Arc<VoxelSet>,
-    /// The cells of the basis that any of them reaches into.
-    cells: Arc<VoxelSet>,
-    /// The known albedo of [`Quantity::InScattered`], where it is the same everywhere.
-    uniform: Option<[f64; 3]>,
-}
-
-impl VoxelElements {
-    /// Elements are the voxels of a set.
-    pub fn new(quantity: Quantity, grid: VoxelGrid, voxels: Arc<VoxelSet>, basis: Interpolation) -> Self {
-        debug_assert_eq!(grid.size(), voxels.size());
-        let basis = match quantity {
-            Quantity::InScattered(_) => Interpolation::Trilinear,
-            _ => basis,
-        };
-        let cells = match basis {
-            Interpolation::Nearest => voxels.clone(),
-            Interpolation::Trilinear => Arc::new(voxels.cells_between()),
-        };
-        let uniform = match &quantity {
-            Quantity::InScattered(albedo) => albedo.uniform().map(|color| color.map(f64::from)),
-            _ => None,
-        };
-        Self { quantity, grid, basis, voxels, cells, uniform }
-    }
-
-    /// The same, with walks that enter bricks without elements, too.
-    pub fn entered_everywhere(&self) -> Self {
-        let everywhere = |set: &VoxelSet| Arc::new(set.clone().entered_everywhere());
-        Self { voxels: everywhere(&self.voxels), cells: everywhere(&self.cells), ..self.clone() }
-    }
-
-    /// Which voxels are elements, in the order of their numbers.
-    pub fn voxels(&self) -> &VoxelSet {
-        &self.voxels
-    }
-
-    /// The cells of the basis that any of them reaches into.
-    pub fn cells(&self) -> &VoxelSet {
-        &self.cells
-    }
-}
 
 /// What all rays of a volume problem share.
 #[derive(Debug, Clone)]
@@ -540,27 +466,6 @@ impl<const C: usize> Traversal<f64, C> for VolumeTraversal {
                 }
             });
             first += part.voxels.len();
-        }
-    }
-}
-
-/// Visits the middles of equal steps of a line through a grid, and their lengths, while `visit` says to go on.
-fn each_step(
-    line: &Line,
-    [a, b]: [f64; 2],
-    steps: u32,
-    grid: &VoxelGrid,
-    mut visit: impl FnMut(f64, f64) -> bool,
-) {
-    let corners = grid.corners();
-    let step = (corners[7] - corners[0]).length() / f64::from(steps);
-    let through = CellRay::new(line, grid, 0.0);
-    let Some([enter, leave]) = through.clip(0.0, grid.size().map(|side| side as f64), a, b) else { return };
-    for j in 0..((leave - enter) / step).ceil() as u32 {
-        let start = enter + f64::from(j) * step;
-        let length = step.min(leave - start);
-        if !visit(start + 0.5 * length, length) {
-            return;
         }
     }
 }
