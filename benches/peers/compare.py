@@ -42,9 +42,9 @@ def add(work, who, set_up, forward, backward, agreement):
 
 
 def add_ours(work, measured):
-    for name, words in (("kept", "unscatter, rows kept"), ("walked", "unscatter, rows walked anew")):
-        m = measured[name]
-        add(work, words, m["set_up"], m["forward"], m["backward"], "")
+    for name, m in measured.items():
+        agreement = "" if name == "kept" else f"{100 * m['forward_off']:.2g} %"
+        add(work, f"unscatter, rows {name}", m["set_up"], m["forward"], m["backward"], agreement)
 
 
 def astra_slice():

@@ -159,36 +159,62 @@ fn transport(density: Arc<Density>) -> VolumeTransport {
         density,
         basis: Interpolation::Trilinear,
         quadrature: Quadrature::Exact,
+        accuracy: 1e-6,
         transmittance_bound: f64::powi(2.0, -24),
         refraction: None,
     }
 }
 
-/// Both products, kept and walked anew, after `made` seconds of set-up; and T x.
+/// Both products, kept and walked anew to each accuracy, after `made` seconds of set-up; and T x.
 fn products(traversal: VolumeTraversal, made: f64, x: &CpuVector) -> Result<(Value, CpuVector), Failure> {
     let clock = Instant::now();
     let plan = WalkPlan::new::<1>(&traversal);
     let planned = made + clock.elapsed().as_secs_f64();
     let mut measured = serde_json::Map::new();
-    let mut shown = None;
-    for (name, strategy) in [("kept", Strategy::Assembled), ("walked", Strategy::MatrixFree)] {
+    let mut kept: Option<[CpuVector; 2]> = None;
+    let ways = [("kept", Strategy::Assembled, 1e-6), ("walked to 1e-6", Strategy::MatrixFree, 1e-6)];
+    let fewer = [1e-5, 2e-4, 2e-3].map(|accuracy| (accuracy, format!("walked to {accuracy:.0e}")));
+    let is_attenuated = traversal.parts().iter().all(|part| matches!(part.quantity, Quantity::Emission));
+    let fewer = fewer.iter().filter(|_| is_attenuated);
+    let fewer = fewer.map(|(accuracy, name)| (&**name, Strategy::MatrixFree, *accuracy));
+    for (name, strategy, accuracy) in ways.into_iter().chain(fewer) {
+        let transport = VolumeTransport { accuracy, ..traversal.transport().clone() };
+        let traversal = VolumeTraversal::new(transport, traversal.rays().clone(), traversal.parts().to_vec());
         let clock = Instant::now();
-        let operator: Transport<_, f32, 1> = Transport::new(traversal.clone(), &plan, strategy, u64::MAX)?;
+        let operator: Transport<_, f32, 1> = Transport::new(traversal, &plan, strategy, u64::MAX)?;
         let set_up = planned + clock.elapsed().as_secs_f64();
         let (mut y, mut back) = (operator.range(), operator.domain());
-        let trials = if strategy == Strategy::Assembled { TRIALS } else { 3 };
+        let trials = if strategy == Strategy::Assembled { TRIALS } else { 5 };
         let forward = median(trials, || operator.apply(x, &mut y))?;
-        let backward = median(trials, || operator.apply_adjoint(&y, &mut back))?;
+        let [exact, exact_back] = kept.get_or_insert_with(|| [y.clone(), back.clone()]);
+        let backward = median(trials, || operator.apply_adjoint(exact, &mut back))?;
+        if strategy == Strategy::Assembled {
+            exact_back.clone_from(&back);
+        }
+        let [one, other] = [(&y, &*exact), (x, &back)].map(|(a, b)| dot(a, b));
         measured.insert(
             name.to_owned(),
             json!({
                 "set_up": set_up, "forward": forward, "backward": backward,
+                "forward_off": off(&y, exact), "backward_off": off(&back, exact_back),
+                "adjoint_off": (one - other).abs() / one.abs(),
                 "rows": y.0.len(), "elements": x.0.len(), "nonzeros": plan.nonzeros,
             }),
         );
-        shown.get_or_insert(y);
     }
-    Ok((Value::Object(measured), shown.ok_or("nothing was measured")?))
+    let [shown, _] = kept.ok_or("nothing was measured")?;
+    Ok((Value::Object(measured), shown))
+}
+
+fn dot(a: &CpuVector, b: &CpuVector) -> f64 {
+    a.0.as_flattened().iter().zip(b.0.as_flattened()).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum()
+}
+
+/// The relative distance.
+fn off(a: &CpuVector, from: &CpuVector) -> f64 {
+    let apart = a.0.iter().zip(&from.0).map(|(a, b)| std::array::from_fn(|c| a[c] - b[c])).collect();
+    let apart = CpuVector(apart);
+    (dot(&apart, &apart) / dot(from, from)).sqrt()
 }
 
 fn median(trials: usize, mut work: impl FnMut() -> unscatter::Result<()>) -> unscatter::Result<f64> {

@@ -56,6 +56,8 @@ struct KeptRows<F, const C: usize> {
     chunk: usize,
     /// Rows that a scatter walks before it adds them up.
     rows_at_once: usize,
+    /// Bytes that products with rows that are walked may take.
+    walking: u64,
     room: Mutex<Room<F>>,
 }
 
@@ -82,14 +84,17 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         let rows = traversal.rows();
         let (bands, packing) = (Bands::for_plan(plan), Packing::quickest::<F>(plan, C));
         let bytes = packing.bytes::<F>(plan, &bands, C);
+        // Walks are fast where they have some room; rows take the rest.
+        let (whole, walking) = (budget, traversal.room().min(budget / 2));
+        let budget = whole - walking;
         let kept_rows = match strategy {
             Strategy::MatrixFree => 0,
-            _ if bytes <= budget => rows,
+            _ if bytes <= whole => rows,
             Strategy::Assembled => {
                 return Err(Error::TooLarge {
                     what: "the assembled transport".to_owned(),
                     needed: format!("{bytes} bytes"),
-                    limit: format!("{budget} bytes"),
+                    limit: format!("{whole} bytes"),
                     remedy: "raise solve.memory, lower the sizes, or choose the strategy `auto` or `matrix-free`",
                 });
             }
@@ -112,6 +117,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
             first_walked: kept_rows,
             chunk: single.chunk,
             rows_at_once: rows_at_once.max(4 * single.chunk),
+            walking: if kept_rows == 0 { whole } else { walking },
             room: Mutex::default(),
         };
         let mut transport = Self { traversal, kept };
@@ -311,7 +317,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
         let (gathered, walked) = room.rows[..kept.rows].split_at_mut(kept.first_walked);
         let gathered = gathered.par_chunks_mut(kept.chunk).zip(&kept.chunks);
         gathered.for_each(|(y, chunk)| chunk.gather(&kept.bands, &x.0, y));
-        self.traversal.gather_rows(&x.0, &|k| kept.order.row(kept.first_walked + k), walked);
+        self.traversal.gather_rows(&x.0, &|k| kept.order.row(kept.first_walked + k), walked, kept.walking);
         let rows = &room.rows[..];
         parallel::on_pieces(&mut y.0, COPIED, &|first, y| {
             for (row, y) in (first..).zip(y) {
@@ -325,7 +331,22 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
     fn apply_adjoint(&self, y: &CpuVector<F>, x: &mut CpuVector<F>) -> Result<()> {
         expect_len("x", x, self.traversal.elements())?;
         expect_len("y", y, self.traversal.rows())?;
-        self.kept.send(y, x, &|rows| self.walk_chunks(rows, 1), Chunk::scatter);
+        let kept = &self.kept;
+        let row = |k: usize| kept.order.row(kept.first_walked + k);
+        let walked = match kept.rows - kept.first_walked {
+            0 => None,
+            rows => self.traversal.scatter_rows(rows, &|k| (row(k), y.0[row(k)]), kept.walking),
+        };
+        let Some(walked) = walked else {
+            kept.send(y, x, &|rows| self.walk_chunks(rows, 1), Chunk::scatter);
+            return Ok(());
+        };
+        if kept.chunks.is_empty() {
+            x.0 = walked;
+            return Ok(());
+        }
+        kept.send(y, x, &|_| Vec::new(), Chunk::scatter);
+        x.0.par_iter_mut().zip(&walked).for_each(|(x, walked)| (0..3).for_each(|c| x[c] += walked[c]));
         Ok(())
     }
 }

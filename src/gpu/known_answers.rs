@@ -159,6 +159,7 @@ fn volume(gpu: &Gpu) -> Result<()> {
         density: Arc::new(Density::new(medium, Interpolation::Trilinear)),
         basis: Interpolation::Trilinear,
         quadrature: Quadrature::Exact,
+        accuracy: 1e-6,
         transmittance_bound: f64::powi(2.0, -24),
         refraction: None,
     };

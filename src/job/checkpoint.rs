@@ -127,13 +127,14 @@ fn fingerprint(settings: &SolveSettings, problem: &dyn Problem) -> Result<u64> {
         format!("{} {} {:?} {} {size:?} {}", part.noun, part.start.len(), part.bounds, part.pull, part.scale)
     });
     let words = format!(
-        "{:?} {:?} {:?} {:?} {:?} {:?} {} {:?} {:?}",
+        "{:?} {:?} {:?} {:?} {:?} {:?} {} {} {:?} {:?}",
         settings.solver,
         settings.metric,
         settings.basis,
         settings.quadrature,
         settings.regularization,
         settings.strategy,
+        settings.accuracy,
         settings.transmittance_bound,
         settings.skip,
         parts.collect::<Vec<_>>(),

@@ -222,7 +222,8 @@ fn tell_of_pull(coverage: &CpuVector, solved: &Solved) {
 
 /// The processor, in words.
 fn processor() -> String {
-    format!("{}, {} threads", super::processor(), rayon::current_num_threads())
+    let instructions = crate::simd::instructions();
+    format!("{}, {instructions}, {} threads", super::processor(), rayon::current_num_threads())
 }
 
 /// What a graphics adapter was given to do; `trips` counts its round trips after each iteration.

@@ -125,6 +125,7 @@ impl Findings<'_> {
         words.extend([
             ("iterations", format!("at most {}", solve.iterations)),
             ("tolerance", solve.tolerance.to_string()),
+            ("accuracy", format!("{:.0e}", solve.accuracy)),
             ("transmittance_bound", format!("{:.1e}", solve.transmittance_bound)),
             ("bounds", self.bounds_in_words()?),
             (

@@ -96,10 +96,19 @@ pub fn weight_between(
 /// Adds the share of light that a stretch of a ray extinguishes.
 #[inline(always)]
 pub(super) fn add_extinguished(sum: &mut [f64; 3], sigma_t: [f64; 3], stretch: &LitStretch) {
-    for c in 0..3 {
-        let entering = (-sigma_t[c] * stretch.from).exp() * stretch.passes[c];
-        sum[c] += entering * super::exponential::extinguished(sigma_t[c] * (stretch.to - stretch.from));
-    }
+    let weight = |sigma_t: f64| {
+        (-sigma_t * stretch.from).exp()
+            * super::exponential::extinguished(sigma_t * (stretch.to - stretch.from))
+    };
+    let weights = in_channels(sigma_t, weight);
+    (0..3).for_each(|c| sum[c] += weights[c] * stretch.passes[c]);
+}
+
+/// A function of each channel's extinction, which is taken once where all are the same.
+#[inline(always)]
+pub(super) fn in_channels(sigma_t: [f64; 3], of: impl Fn(f64) -> f64) -> [f64; 3] {
+    let [r, g, b] = sigma_t;
+    if r == g && g == b { [of(r); 3] } else { sigma_t.map(of) }
 }
 
 /// The map of what light reaches at all.

@@ -33,6 +33,8 @@ pub use volume::{GAUSS_2, GAUSS_4, MOST_PANELS, PANEL};
 pub trait Real:
     num_traits::Float + Default + Send + Sync + std::fmt::Debug + std::ops::AddAssign + 'static
 {
+    /// Whether it is f32.
+    const IS_SINGLE: bool;
     /// The nearest value.
     fn of(value: f64) -> Self;
     /// The same value, or the nearest one in f64.
@@ -40,6 +42,7 @@ pub trait Real:
 }
 
 impl Real for f32 {
+    const IS_SINGLE: bool = true;
     #[inline(always)]
     fn of(value: f64) -> Self {
         value as f32
@@ -51,6 +54,7 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
+    const IS_SINGLE: bool = false;
     #[inline(always)]
     fn of(value: f64) -> Self {
         value
@@ -112,9 +116,31 @@ pub trait Traversal<F: Real, const C: usize>: Sync {
         gathered(self, row, x)
     }
 
-    /// Some rows of T x: `y[k]` is that of row `row(k)`, and a fourth number that nobody reads.
-    fn gather_rows<X: Real>(&self, x: &[[X; 3]], row: &(dyn Fn(usize) -> usize + Sync), y: &mut [[X; 4]]) {
+    /// Bytes that copies of elements may take while [`Self::gather_rows`] and [`Self::scatter_rows`] work, for these to be fast.
+    fn room(&self) -> u64 {
+        0
+    }
+
+    /// Some rows of T x, in so many bytes beside it: `y[k]` is that of row `row(k)`, and a fourth number that nobody reads.
+    fn gather_rows<X: Real>(
+        &self,
+        x: &[[X; 3]],
+        row: &(dyn Fn(usize) -> usize + Sync),
+        y: &mut [[X; 4]],
+        _room: u64,
+    ) {
         gathered_rows(y, &|k| self.gather(row(k), x).map(Real::wide));
+    }
+
+    /// Tᵀ y of so many rows, in so many bytes beside it: `y(k)` is the number of one and what it has. None where they have to be walked one
+    /// by one.
+    fn scatter_rows<X: Real>(
+        &self,
+        _rows: usize,
+        _y: &(dyn Fn(usize) -> (usize, [X; 3]) + Sync),
+        _room: u64,
+    ) -> Option<Vec<[X; 3]>> {
+        None
     }
 
     /// The same for visitors that are in no hurry: they share one copy of the walk, and are called through a pointer.

@@ -248,6 +248,8 @@ pub struct SolveSettings {
     pub strategy: Strategy,
     /// Memory that a solve may take, in bytes; none: three quarters of what the machine has free.
     pub memory: Option<u64>,
+    /// The error of a product that is allowed where rows are walked anew, relative; inside (0, 1).
+    pub accuracy: f64,
     /// Transmittance, inside (0, 1), below which the rest of a ray is skipped.
     pub transmittance_bound: f64,
     /// What else is skipped.
@@ -284,6 +286,7 @@ impl Default for SolveSettings {
             quadrature: Quadrature::default(),
             strategy: Strategy::default(),
             memory: None,
+            accuracy: 1e-6,
             transmittance_bound: f64::powi(2.0, -24),
             skip: Skipping::default(),
         }

@@ -104,6 +104,7 @@ pub fn transport(density: Volume, interpolation: Interpolation) -> VolumeTranspo
         density: Arc::new(Density::new(Arc::new(density), interpolation)),
         basis: interpolation,
         quadrature: Quadrature::Exact,
+        accuracy: 1e-6,
         transmittance_bound: 1e-300,
         refraction: None,
     }

@@ -252,6 +252,7 @@ pub(super) fn volume_rows(
         density: Arc::new(Density::new(Arc::new(density), basis)),
         basis,
         quadrature: Quadrature::Exact,
+        accuracy: 1e-6,
         transmittance_bound: NO_CUT,
         refraction: None,
     };

@@ -36,7 +36,7 @@ impl<V: FnMut([usize; 3], f64, f64)> Slabs for V {
 /// A line in cells: each coordinate is affine in t.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CellRay {
-    origin: [f64; 3],
+    pub(super) origin: [f64; 3],
     /// Cells a metre.
     pub(crate) slope: [f64; 3],
     /// 1 / slope, infinite where the slope is zero.
@@ -112,6 +112,19 @@ impl CellRay {
         b: f64,
         mut visit: impl FnMut([usize; 3], f64, f64) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
+        self.bricks(set, a, b, |low, high, a, b| self.walk(low, high, a, b, &mut visit))
+    }
+
+    /// Visits the parts of [a, b] in bricks of a set that hold something, in order: the first and the last cell of the brick, and where
+    /// the part begins and ends.
+    #[inline(always)]
+    pub(super) fn bricks(
+        &self,
+        set: &VoxelSet,
+        a: f64,
+        b: f64,
+        mut visit: impl FnMut([usize; 3], [usize; 3], f64, f64) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
         let last = set.size().map(|side| side - 1);
         let last_brick = set.bricks().map(|side| side - 1);
         self.coarse().walk([0; 3], last_brick, a, b, |brick, a, b| {
@@ -120,7 +133,7 @@ impl CellRay {
             }
             let low = brick.map(|i| i * BRICK);
             let high = std::array::from_fn(|axis| (low[axis] + BRICK - 1).min(last[axis]));
-            self.walk(low, high, a, b, &mut visit)
+            visit(low, high, a, b)
         })
     }
 
@@ -184,16 +197,34 @@ impl CellRay {
         b: f64,
         sink: &mut impl Slabs,
     ) -> ControlFlow<()> {
-        let last = set.size().map(|side| side - 1);
-        let last_brick = set.bricks().map(|side| side - 1);
-        self.coarse().walk([0; 3], last_brick, a, b, |brick, a, b| {
-            if set.is_passed_over(brick) {
+        self.bricks(set, a, b, |low, high, a, b| self.slabs(low, high, [a, b], sink))
+    }
+
+    /// Visits the parts of [a, b] in slabs of cells along the axis on which the ray is fastest, in order.
+    #[inline(always)]
+    pub(super) fn each_slab(
+        &self,
+        low: [usize; 3],
+        high: [usize; 3],
+        [a, b]: [f64; 2],
+        mut visit: impl FnMut(f64, f64) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let [x, y, z] = self.slope.map(f64::abs);
+        let axis = if x >= y && x >= z { 0 } else { 1 + usize::from(z > y) };
+        let (origin, inverse) = (self.origin[axis], self.inverse[axis]);
+        let cell = (self.at_axis(axis, a) as usize).clamp(low[axis], high[axis]);
+        let (mut plane, step) = if inverse > 0.0 { (cell as f64 + 1.0, 1.0) } else { (cell as f64, -1.0) };
+        let mut t = a;
+        loop {
+            let end = (plane - origin) * inverse;
+            let end = if end < b { end } else { b };
+            visit(t, end)?;
+            if end >= b {
                 return ControlFlow::Continue(());
             }
-            let low = brick.map(|i| i * BRICK);
-            let high = std::array::from_fn(|axis| (low[axis] + BRICK - 1).min(last[axis]));
-            self.slabs(low, high, [a, b], sink)
-        })
+            plane += step;
+            t = end;
+        }
     }
 
     /// Visits the pieces of [a, b] in the cells from `low` to `high`, in order, some of them without length.

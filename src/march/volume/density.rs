@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::super::Real;
 use super::cells::{CellRay, Line};
 use crate::scene::{BRICK, Interpolation, Samples, Volume, VoxelGrid, VoxelSet};
 use crate::simd::Number;
@@ -203,6 +204,11 @@ impl Density {
             }
             visit(cell, a, b, &depth)
         });
+    }
+
+    /// σ_t of a voxel.
+    pub(super) fn sigma_t_of<T: Real, const C: usize>(&self, voxel: [usize; 3]) -> [T; C] {
+        self.sigma_t(self.grid().index(voxel)).map(T::of)
     }
 
     /// The part of [a, b] of a ray that lies in the grid.

@@ -6,14 +6,15 @@ mod cells;
 mod cuts;
 mod density;
 mod elements;
-mod gather;
 mod lengths;
 mod light;
 mod linearized;
+mod nodes;
 mod path;
 mod quadrature;
 mod sink;
 mod steps;
+mod walked;
 mod window;
 
 use std::ops::ControlFlow;
@@ -48,6 +49,8 @@ pub struct VolumeTransport {
     pub quadrature: Quadrature,
     /// Transmittance at which the rest of a ray is skipped; inside (0, 1).
     pub transmittance_bound: f64,
+    /// The relative error of T x that is allowed where rows are walked anew.
+    pub accuracy: f64,
     /// What bends the rays, if anything does.
     pub refraction: Option<Arc<Refraction>>,
 }
@@ -452,8 +455,27 @@ impl<const C: usize> Traversal<f64, C> for VolumeTraversal {
         self.parts.iter().map(|part| part.voxels.len()).sum()
     }
 
-    fn gather_rows<X: Real>(&self, x: &[[X; 3]], row: &(dyn Fn(usize) -> usize + Sync), y: &mut [[X; 4]]) {
-        self.gathered_rows::<X, C>(x, row, y);
+    fn room(&self) -> u64 {
+        self.room::<C>()
+    }
+
+    fn gather_rows<X: Real>(
+        &self,
+        x: &[[X; 3]],
+        row: &(dyn Fn(usize) -> usize + Sync),
+        y: &mut [[X; 4]],
+        room: u64,
+    ) {
+        self.gathered_rows::<X, C>(x, row, y, room);
+    }
+
+    fn scatter_rows<X: Real>(
+        &self,
+        rows: usize,
+        y: &(dyn Fn(usize) -> (usize, [X; 3]) + Sync),
+        room: u64,
+    ) -> Option<Vec<[X; 3]>> {
+        self.scattered_rows::<X, C>(rows, y, room)
     }
 
     #[inline]

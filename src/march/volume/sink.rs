@@ -1,11 +1,10 @@
 //! What the samples of a ray are added to.
 
 use super::super::basis::{add, times};
-use super::super::{Real, Weight, channel, exponential};
-use super::blocks::{AROUND, Blocks, STEPS};
+use super::super::{Weight, exponential};
 use super::cells::CellRay;
 use super::light::Towards;
-use super::window::{Trilinear, Visit, VoxelWindow, parts};
+use super::window::{Trilinear, Visit, VoxelWindow};
 use crate::scene::{Interpolation, Volume};
 
 /// Takes the samples of a ray in order.
@@ -62,49 +61,6 @@ impl<const C: usize, W: VoxelWindow<C>> Sink<C> for LitSink<'_, '_, C, W> {
             Some(light) => times(weight, sum(light, t)),
         };
         self.window.sample(cell, at, weight, self.visit);
-    }
-}
-
-/// A row of T x where elements are trilinear: the sum of weights times elements.
-pub(super) struct GatherSink<'a, X> {
-    pub(super) light: Option<&'a [Towards<'a>]>,
-    pub(super) elements: &'a Blocks<X, AROUND>,
-    pub(super) size: [usize; 3],
-    pub(super) sum: &'a mut [f64; 3],
-}
-
-impl<X: Real, const C: usize> Sink<C> for GatherSink<'_, X> {
-    const IS_LOCAL: bool = true;
-
-    fn light(&self) -> Option<impl Fn(f64) -> Weight<f64, C>> {
-        self.light.map(|light| move |t| sum(light, t))
-    }
-
-    #[inline(always)]
-    fn cell(&mut self, cell: [usize; 3], weights: [Weight<f64, C>; 8]) {
-        let Some(around) = self.elements.around(cell) else { return };
-        let mut sum = [X::zero(); 4];
-        for tap in 0..8 {
-            let (weight, element) = (&weights[tap], around[STEPS[tap]]);
-            let weight = [channel(weight, 0), channel(weight, 1), channel(weight, 2), channel(weight, 0)];
-            for lane in 0..4 {
-                sum[lane] += X::of(weight[lane]) * element[lane];
-            }
-        }
-        (0..3).for_each(|c| self.sum[c] += sum[c].wide());
-    }
-
-    fn piece(&mut self, _cell: [usize; 3], _piece: [f64; 2], _tau: Weight<f64, C>, _weight: Weight<f64, C>) {
-        unreachable!("trilinear elements are not constant in a cell")
-    }
-
-    fn node(&mut self, cell: [usize; 3], at: [f64; 3], t: f64, weight: Weight<f64, C>) {
-        let weight = match self.light {
-            None => weight,
-            Some(light) => times(weight, sum(light, t)),
-        };
-        let weights = parts(cell, at, self.size).map(|part| weight.map(|weight| weight * part));
-        self.cell(cell, weights);
     }
 }
 

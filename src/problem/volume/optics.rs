@@ -101,6 +101,7 @@ impl Optics {
             density: self.density.clone(),
             basis: medium.interpolation,
             quadrature: scene.solve.quadrature,
+            accuracy: scene.solve.accuracy,
             transmittance_bound: scene.solve.transmittance_bound,
             refraction: self.refraction.clone(),
         }

@@ -61,11 +61,38 @@ impl<const C: usize> Traversal<f64, C> for VolumeRows {
         Traversal::<f64, C>::row_order(self.through_medium())
     }
 
-    fn gather_rows<X: Real>(&self, x: &[[X; 3]], row: &(dyn Fn(usize) -> usize + Sync), y: &mut [[X; 4]]) {
+    fn room(&self) -> u64 {
         match self {
-            Self::Voxels(rows) => Traversal::<f64, C>::gather_rows(rows, x, row, y),
-            Self::Linearized(rows) => Traversal::<f64, C>::gather_rows(rows, x, row, y),
-            Self::Lights(rows) => Traversal::<f64, C>::gather_rows(rows, x, row, y),
+            Self::Voxels(rows) => Traversal::<f64, C>::room(rows),
+            Self::Linearized(rows) => Traversal::<f64, C>::room(rows),
+            Self::Lights(rows) => Traversal::<f64, C>::room(rows),
+        }
+    }
+
+    fn gather_rows<X: Real>(
+        &self,
+        x: &[[X; 3]],
+        row: &(dyn Fn(usize) -> usize + Sync),
+        y: &mut [[X; 4]],
+        room: u64,
+    ) {
+        match self {
+            Self::Voxels(rows) => Traversal::<f64, C>::gather_rows(rows, x, row, y, room),
+            Self::Linearized(rows) => Traversal::<f64, C>::gather_rows(rows, x, row, y, room),
+            Self::Lights(rows) => Traversal::<f64, C>::gather_rows(rows, x, row, y, room),
+        }
+    }
+
+    fn scatter_rows<X: Real>(
+        &self,
+        rows: usize,
+        y: &(dyn Fn(usize) -> (usize, [X; 3]) + Sync),
+        room: u64,
+    ) -> Option<Vec<[X; 3]>> {
+        match self {
+            Self::Voxels(of) => Traversal::<f64, C>::scatter_rows(of, rows, y, room),
+            Self::Linearized(of) => Traversal::<f64, C>::scatter_rows(of, rows, y, room),
+            Self::Lights(of) => Traversal::<f64, C>::scatter_rows(of, rows, y, room),
         }
     }
 

@@ -163,6 +163,7 @@ fn traversal(seed: u64, case: Case) -> VolumeTraversal {
         density,
         basis: case.basis,
         quadrature: Quadrature::Exact,
+        accuracy: 1e-6,
         transmittance_bound: f64::powi(2.0, -24),
         refraction: None,
     };

@@ -9,6 +9,7 @@ mod operator;
 mod refinement;
 mod scene;
 mod solving;
+mod walked;
 
 use std::sync::Arc;
 
