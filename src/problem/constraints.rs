@@ -1,5 +1,7 @@
+use rayon::prelude::*;
+
 use super::Painting;
-use crate::scene::{Opacity, Rgb, Scene};
+use crate::scene::{Opacity, Rgb, Scene, View};
 use crate::{Error, Result};
 
 /// Pixels without paint that are kept as they are: one in so many along each axis, with the weight of all.
@@ -61,19 +63,18 @@ pub fn constraints(scene: &Scene) -> Result<Vec<Constraint>> {
 ///
 /// Errors: those of [`paint`](super::paint), with the view's name.
 pub fn pixels(scene: &Scene) -> Result<Vec<Constraint>> {
-    let mut constraints = Vec::new();
-    for (view, painted) in scene.views.iter().enumerate() {
+    let of_view = |(view, painted): (usize, &View)| {
         let painting = super::paint(painted)?;
         let [width, height] = painting.colors.size();
-        for index in 0..width * height {
+        let pixels = (0..width * height).map(|index| {
             let pixel = Constraint { view, x: index % width, y: index / width, ..UNPAINTED };
-            let pixel = wished(pixel, &painting, (scene.opacity, painted.keep));
-            if pixel.weight > 0.0 || !scene.solve.skip.pixels {
-                constraints.push(pixel);
-            }
-        }
-    }
-    Ok(constraints)
+            wished(pixel, &painting, (scene.opacity, painted.keep))
+        });
+        Ok(pixels.filter(|pixel| pixel.weight > 0.0 || !scene.solve.skip.pixels).collect())
+    };
+    // The first fault is that of the first view that has one.
+    let views: Vec<Result<Vec<Constraint>>> = scene.views.par_iter().enumerate().map(of_view).collect();
+    Ok(views.into_iter().collect::<Result<Vec<_>>>()?.concat())
 }
 
 const UNPAINTED: Constraint = Constraint { view: 0, x: 0, y: 0, color: [1.0; 3], opacity: 0.0, weight: 0.0 };

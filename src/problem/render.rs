@@ -66,11 +66,11 @@ pub fn render_light(
             .into_par_iter()
             .map(|index| Seen::along(maps, camera.pixel_ray(index % width, index / width)))
             .collect();
-        pixels.extend(render_pixels(scene, maps, changed.as_ref(), &seen, light));
+        pixels.append(&mut render_pixels(scene, maps, changed.as_ref(), &seen, light));
     }
     let name = &scene.views[view].name;
     let picture = |which: usize| {
-        let pixels = pixels.iter().map(|pixel| pixel[which]).collect();
+        let pixels = pixels.par_iter().map(|pixel| pixel[which]).collect();
         Image::new([width, height], pixels)?.finite(&format!("the picture of view `{name}`"))
     };
     Ok(Rendering { before: picture(0)?, after: picture(1)? })
@@ -127,8 +127,8 @@ fn render_pixels(
     seen: &[Seen],
     light: DrawnLight,
 ) -> Vec<[Rgb; 2]> {
-    let rays: Arc<[ViewRay]> = seen
-        .iter()
+    let rays: Vec<ViewRay> = seen
+        .par_iter()
         .map(|Seen { ray, hit, .. }| {
             let length = hit.map_or(f64::INFINITY, |hit| hit.distance);
             ViewRay::new(ray, length, &maps.frame, &scene.medium)
@@ -138,7 +138,7 @@ fn render_pixels(
     transport.mask = changed.map(|changed| changed.mask.clone());
     let has_panes = maps.geometry.has_panes();
     let panes = has_panes.then(|| SeenPanes::new(seen.iter().map(|seen| &seen.panes[..]))).flatten();
-    let traversal = LightMapTraversal::new(transport, rays).through_panes(panes);
+    let traversal = LightMapTraversal::new(transport, rays.into()).through_panes(panes);
     let start = scene.light.radiance;
     let sky = scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()).map_or(&[][..], |sky| &sky.start);
     (0..seen.len())

@@ -1,3 +1,5 @@
+use rayon::prelude::*;
+
 use super::Rgb;
 use crate::{Error, Result};
 
@@ -38,7 +40,7 @@ impl Image {
     ///
     /// Errors: [`Error::NonFinite`] naming the first pixel that is not.
     pub fn finite(self, what: &str) -> Result<Self> {
-        match self.pixels.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
+        match self.pixels.par_iter().position_first(|p| !p.iter().all(|c| c.is_finite())) {
             None => Ok(self),
             Some(index) => Err(Error::NonFinite {
                 what: what.to_owned(),
