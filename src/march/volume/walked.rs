@@ -15,6 +15,8 @@ use crate::simd::{Simd, Single};
 const ELEMENTS_A_ROW: usize = 64;
 /// Runs of rows whose sums are apart, and the rows of one at least.
 const RUNS: usize = 16;
+/// Runs that are walked at the same time where memory is short.
+const ROOMS: u64 = 4;
 const LEAST_RUN: usize = 1024;
 /// An error of T x, relative, from which on these are taken: one node a slab, two a slab, and two a cell.
 const ONE_A_SLAB: f64 = 2e-3;
@@ -190,13 +192,25 @@ impl VolumeTraversal {
         (values * size_of::<[f32; C]>()) as u64
     }
 
-    /// Bytes that the products take at most.
+    /// Bytes that the products ask for: those of a scatter of a few runs at once. The same for any number of threads, for what is kept
+    /// depends on it.
     pub(super) fn room<const C: usize>(&self) -> u64 {
-        let Some(ways) = self.ways() else { return 0 };
-        let copies = self.copies(&ways);
-        let runs = 1 + rayon::current_num_threads().min(RUNS) as u64;
-        let scatter = copies.iter().max().map_or(0, |copy| runs * copy);
-        self.medium_bytes::<C>(&ways) + scatter.max(copies.iter().sum())
+        self.ways().map_or(0, |ways| self.needed::<C>(&ways, ROOMS))
+    }
+
+    /// Bytes that both products take, of which a scatter walks so many runs at once.
+    fn needed<const C: usize>(&self, ways: &[Way], runs: u64) -> u64 {
+        let copies = self.copies(ways);
+        let scatter = copies.iter().max().map_or(0, |copy| (1 + runs) * copy);
+        self.medium_bytes::<C>(ways) + scatter.max(copies.iter().sum())
+    }
+
+    /// How the rows of each part are walked, where so many are enough to pay for copies, and the copies fit. One answer for both products,
+    /// so that they match.
+    fn fitting_ways<X: Real, const C: usize>(&self, rows: usize, room: u64) -> Option<Vec<Way>> {
+        let elements: usize = self.parts.iter().map(|part| part.voxels.len()).sum();
+        let pays = X::IS_SINGLE && rows * ELEMENTS_A_ROW >= elements;
+        self.ways().filter(|ways| pays && self.needed::<C>(ways, 1) <= room)
     }
 
     /// Some rows of T x, as [`Traversal::gather_rows`] has them.
@@ -207,11 +221,7 @@ impl VolumeTraversal {
         y: &mut [[X; 4]],
         room: u64,
     ) {
-        let pays = X::IS_SINGLE && y.len() * ELEMENTS_A_ROW >= x.len();
-        let fits = |ways: &Vec<Way>| {
-            pays && self.copies(ways).iter().sum::<u64>() + self.medium_bytes::<C>(ways) <= room
-        };
-        let Some(ways) = self.ways().filter(fits) else {
+        let Some(ways) = self.fitting_ways::<X, C>(y.len(), room) else {
             return gathered_rows(y, &|k| Traversal::<f64, C>::gather(self, row(k), x).map(Real::wide));
         };
         let medium = self.medium::<C>(&ways);
@@ -259,20 +269,16 @@ impl VolumeTraversal {
         y: &(dyn Fn(usize) -> (usize, [X; 3]) + Sync),
         room: u64,
     ) -> Option<Vec<[X; 3]>> {
-        let elements: usize = self.parts.iter().map(|part| part.voxels.len()).sum();
-        let pays = X::IS_SINGLE && rows * ELEMENTS_A_ROW >= elements;
-        let ways = self.ways().filter(|_| pays)?;
+        let ways = self.fitting_ways::<X, C>(rows, room)?;
         let copy = self.copies(&ways).into_iter().max().unwrap_or(0).max(1);
         // One for all, and one for each run that is walked at the same time.
-        let at_once = (room.checked_sub(self.medium_bytes::<C>(&ways))? / copy)
-            .checked_sub(1)
-            .filter(|runs| *runs > 0)?;
+        let at_once = ((room - self.medium_bytes::<C>(&ways)) / copy).saturating_sub(1).max(1);
         let medium = self.medium::<C>(&ways);
         let y = |k: usize| {
             let (row, [r, g, b]) = y(k);
             (row, [r, g, b, X::zero()].map(|value| value.wide() as f32))
         };
-        let mut x = Vec::with_capacity(elements);
+        let mut x = Vec::new();
         for (part, way) in self.parts.iter().zip(ways) {
             match way {
                 Way::Nodes => scattered::<X, AROUND>(part, (rows, at_once), &mut x, &|k, scatter| {
