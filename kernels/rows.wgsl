@@ -1,25 +1,38 @@
-// y[k] ← Σ_e w_ke x[e] over rows that are kept: gather over the rows of T, and the adjoint over those of its transpose.
-// SHARERS lanes share a row, so that they read side by side.
+// y[place] ← Σ_e w_ke x[e] over rows that are kept: gather over the rows of T, and the adjoint over those of its transpose. A row that is
+// cut into pieces is the sum of those, and they go into `pieces`.
+// Lanes of a workgroup share its rows, as many a row as those are long, so that they read side by side.
 
 struct RowsParams {
-    // Rows of this slab; the first of them in the bound y, and from one channel of y to the next.
-    rows: u32,
-    y_first: u32,
-    y_stride: u32,
-    channel: u32,
-    x_stride: u32,
     // Numbers of one channel's weights.
     nonzeros: u32,
-    pad0: u32,
-    pad1: u32,
+    channel: u32,
+    // From one channel to the next.
+    x_stride: u32,
+    y_stride: u32,
+    pieces_stride: u32,
+    // Places from here on are those of pieces.
+    places: u32,
+    // Workgroups that have rows.
+    groups: u32,
+    pad: u32,
+}
+
+// Rows of a workgroup: the first, one behind the last, and lanes a row, a power of two.
+struct RowsGroup {
+    first: u32,
+    end: u32,
+    sharers: u32,
+    pad: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: RowsParams;
 @group(0) @binding(1) var<storage, read_write> y: array<f32>;
-@group(0) @binding(2) var<storage, read> x: array<f32>;
-@group(0) @binding(3) var<storage, read> offsets: array<u32>;
-@group(0) @binding(4) var<storage, read> elements: array<u32>;
-@group(0) @binding(5) var<storage, read> weights: array<f32>;
+@group(0) @binding(3) var<storage, read_write> pieces: array<f32>;
+@group(0) @binding(4) var<storage, read> groups: array<RowsGroup>;
+// Where a row begins, and its place; one row more than there are says where the last ends.
+@group(0) @binding(5) var<storage, read> rows: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read> elements: array<u32>;
+@group(0) @binding(7) var<storage, read> weights: array<f32>;
 
 var<workgroup> sums: array<vec3<f32>, LANES>;
 
@@ -35,51 +48,56 @@ fn weights_at(k: u32) -> vec3<f32> {
     return vec3(weights[k]);
 }
 
-fn color_of(e: u32) -> vec3<f32> {
-    if CHANNELS == 3u {
-        return vec3(x[e], x[params.x_stride + e], x[2u * params.x_stride + e]);
+fn put(place: u32, total: vec3<f32>) {
+    if place < params.places {
+        y[place] = total.x;
+        if CHANNELS == 3u {
+            y[params.y_stride + place] = total.y;
+            y[2u * params.y_stride + place] = total.z;
+        }
+    } else {
+        let piece = place - params.places;
+        pieces[piece] = total.x;
+        if CHANNELS == 3u {
+            pieces[params.pieces_stride + piece] = total.y;
+            pieces[2u * params.pieces_stride + piece] = total.z;
+        }
     }
-    return vec3(x[e], 0.0, 0.0);
 }
 
 @compute @workgroup_size(LANES)
 fn main(
     @builtin(local_invocation_id) lane: vec3<u32>,
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) count: vec3<u32>,
 ) {
-    let row = (group.y * groups.x + group.x) * (LANES / SHARERS) + lane.x / SHARERS;
+    let number = id.y * count.x + id.x;
+    if number >= params.groups {
+        return;
+    }
+    let group = groups[number];
+    let mine = lane.x % group.sharers;
+    let row = group.first + lane.x / group.sharers;
     var total = vec3(0.0);
-    if row < params.rows {
-        let end = offsets[row + 1u];
-        var k = offsets[row] + lane.x % SHARERS;
-        // Sums of a few dozen terms, and the sum of those: fewer roundings than one long sum.
-        while k < end {
-            var part = vec3(0.0);
-            for (var n = 0u; n < 32u && k < end; n++) {
-                var w = weights_at(k);
-                if SQUARED {
-                    w = w * w;
-                }
-                part += w * color_of(elements[k]);
-                k += SHARERS;
+    if row < group.end {
+        let end = rows[row + 1u].x;
+        // A few terms a lane, and the sums of those pair by pair: fewer roundings than one long sum.
+        for (var k = rows[row].x + mine; k < end; k += group.sharers) {
+            var w = weights_at(k);
+            if SQUARED {
+                w = w * w;
             }
-            total += part;
+            total += w * color_of(elements[k]);
         }
     }
-    if SHARERS > 1u {
-        sums[lane.x] = total;
-        for (var half = SHARERS / 2u; half > 0u; half /= 2u) {
-            workgroupBarrier();
-            if lane.x % SHARERS < half {
-                sums[lane.x] += sums[lane.x + half];
-            }
+    sums[lane.x] = total;
+    for (var half = SHARERS / 2u; half > 0u; half /= 2u) {
+        workgroupBarrier();
+        if half < group.sharers && mine < half {
+            sums[lane.x] += sums[lane.x + half];
         }
-        total = sums[lane.x];
     }
-    if row < params.rows && lane.x % SHARERS == 0u {
-        for (var c = 0u; c < CHANNELS; c++) {
-            y[c * params.y_stride + params.y_first + row] = total[c];
-        }
+    if row < group.end && mine == 0u {
+        put(rows[row].y, sums[lane.x]);
     }
 }

@@ -34,6 +34,8 @@ struct BoundsPart {
 
 var<workgroup> exchange: array<vec3<f32>, TILE>;
 var<workgroup> change: array<vec3<f32>, 2>;
+// The lower triangle, row after row.
+var<workgroup> held: array<f32, HELD_NUMBERS>;
 
 // Below, 0 stands for channels that are not bound. Vectors are never stored to by a channel's number: some compilers (FXC) cannot in a
 // loop.
@@ -60,6 +62,10 @@ fn bound_of(all: vec4<f32>) -> vec3<f32> {
 
 // Entry (row, column) of a tile; matrices are symmetric, so lanes read along a row side by side.
 fn entry(tile: vec4<u32>, k: u32, lane: u32) -> vec3<f32> {
+    if HELD {
+        let row = max(k, lane);
+        return vec3(held[row * (row + 1u) / 2u + min(k, lane)]);
+    }
     let i = tile.x + k * tile.z + lane;
     if COLORED {
         if CHANNELS == 3u {
@@ -106,6 +112,12 @@ fn main(
     var g = vec3(0.0);
     if is_member {
         g = colors(i);
+    }
+    if HELD {
+        for (var k = lane; k < side; k++) {
+            held[k * (k + 1u) / 2u + lane] = matrices[tile.x + k * side + lane];
+        }
+        workgroupBarrier();
     }
     var d = vec3(0.0);
     // (M d)_lane

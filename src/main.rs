@@ -1,5 +1,5 @@
 //! The `unscatter` command.
 
-fn main() -> std::process::ExitCode {
+fn main() -> ! {
     unscatter::cli::main()
 }

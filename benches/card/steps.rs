@@ -34,7 +34,7 @@ pub const STEPS: &[Plan] = &[
     Plan::new("overhead", 20, |bundle, step| kernels(bundle, step, "^overhead/", None)),
     Plan::new("long vectors", 30, |bundle, step| kernels(bundle, step, "^vectors of", None)),
     Plan::new("kept rows", 40, |bundle, step| {
-        kernels(bundle, step, "^light map.*/rows kept: (gather|scatter|squares|iteration)", None);
+        kernels(bundle, step, "^light map.*/rows kept.*: (gather|scatter|squares|iteration)", None);
     }),
     Plan::new("tiles and depth pass", 30, |bundle, step| {
         kernels(bundle, step, "^(metric|depth pass)/", None);

@@ -29,7 +29,7 @@ use std::time::{Duration, Instant};
 use rates::{Rates, Round};
 use scenes::field::Field;
 use unscatter::Result;
-use unscatter::gpu::{Choice, Gpu, GpuVector};
+use unscatter::gpu::{Choice, Gpu, GpuVector, Tactics};
 use unscatter::operator::Vector;
 
 /// Bytes of an element of a vector.
@@ -38,13 +38,14 @@ const COLOR: u64 = 12;
 fn main() {
     let name = std::env::var("UNSCATTER_ADAPTER").ok();
     let choice = Choice { name, software: true, ..Choice::default() };
-    // One texel after the other, or those around the eye inside a workgroup first.
-    let [gpu, near] = [false, true].map(|near| {
-        Gpu::open(&Choice { sums_near: Some(near), ..choice.clone() }).unwrap_or_else(|error| {
+    let both @ [plain, chosen] = &[Tactics::SOFTWARE, Tactics::HARDWARE].map(|tactics| {
+        Gpu::open(&Choice { tactics: Some(tactics), ..choice.clone() }).unwrap_or_else(|error| {
             eprintln!("{error}");
             std::process::exit(1)
         })
     });
+    // As it is used.
+    let gpu = if plain.record().is_hardware() { chosen } else { plain };
     let mut sizes = [
         ("small", Field::SMALL),
         ("paper", Field::PAPER),
@@ -62,19 +63,19 @@ fn main() {
         _ if gpu.record().is_hardware() => (4 << 20, 1),
         _ => (1 << 19, 1),
     };
-    let moved = bandwidth(&gpu, if size == "tiny" { 1 << 20 } else { 16 << 20 });
+    let moved = bandwidth(gpu, if size == "tiny" { 1 << 20 } else { 16 << 20 });
     let record = gpu.record();
     println!("{} ({}, {}), moves {:.1} GB/s", record.name, record.kind, record.driver, moved * 1e-9);
 
     let mut rates = Rates::new(0.5).beside(moved);
-    overhead::bench(&mut rates, &gpu);
-    vectors::bench(&mut rates, &gpu, elements);
-    rows::light_map(&mut rates, &format!("light map, {size}"), [&gpu, &near], &field);
-    rows::fixed_point(&mut rates, &gpu, &field);
-    fista::bench(&mut rates, &format!("light map, {size}"), &gpu, &field);
-    rows::volumes(&mut rates, &gpu, shrunk);
-    tiles::bench(&mut rates, &gpu, &field);
-    tiles::surfaces(&mut rates, &gpu);
+    overhead::bench(&mut rates, both);
+    vectors::bench(&mut rates, gpu, elements);
+    rows::light_map(&mut rates, &format!("light map, {size}"), both, &field);
+    rows::fixed_point(&mut rates, gpu, &field);
+    fista::bench(&mut rates, &format!("light map, {size}"), gpu, &field);
+    rows::volumes(&mut rates, gpu, shrunk);
+    tiles::bench(&mut rates, both, &field);
+    tiles::surfaces(&mut rates, gpu);
     overhead::first_call(&mut rates, &choice);
     rates.finish();
 }

@@ -12,15 +12,15 @@ use crate::scenes::field::Field;
 const TIMES: u32 = 500;
 
 /// Tiny operations, each on what the one before it has left, as in a solve.
-pub fn bench(rates: &mut Rates, gpu: &Gpu) {
-    let tiny = || {
+pub fn bench(rates: &mut Rates, [gpu, spinning]: &[Gpu; 2]) {
+    let tiny = |gpu| {
         let mut x = GpuVector::zeros(gpu, 64);
         x.fill([1.0, 0.5, 0.25]);
         x
     };
     let dispatch = Work { dispatches: 1.0, ..Work::default() };
     rates.bench("overhead", "a dispatch", || {
-        let mut x = tiny();
+        let mut x = tiny(gpu);
         let round: Round = Box::new(move || {
             gpu.finish().unwrap();
             let clock = Instant::now();
@@ -32,7 +32,7 @@ pub fn bench(rates: &mut Rates, gpu: &Gpu) {
     });
     if gpu.record().timestamps {
         rates.bench("overhead", "a dispatch, by the adapter's own time", || {
-            let mut x = tiny();
+            let mut x = tiny(gpu);
             let mut all = move || {
                 (0..TIMES).for_each(|_| x.scale([-1.0; 3]));
                 Ok(())
@@ -42,17 +42,19 @@ pub fn bench(rates: &mut Rates, gpu: &Gpu) {
             (dispatch, round)
         });
     }
-    rates.bench("overhead", "a round trip", || {
-        let x = tiny();
-        let round: Round = Box::new(move || {
-            let clock = Instant::now();
-            for _ in 0..TIMES {
-                std::hint::black_box(x.dot(&x).unwrap());
-            }
-            clock.elapsed() / TIMES
+    for (name, gpu) in [("a round trip", gpu), ("a round trip, spinning", spinning)] {
+        rates.bench("overhead", name, || {
+            let x = tiny(gpu);
+            let round: Round = Box::new(move || {
+                let clock = Instant::now();
+                for _ in 0..TIMES {
+                    std::hint::black_box(x.dot(&x).unwrap());
+                }
+                clock.elapsed() / TIMES
+            });
+            (Work { round_trips: 1.0, ..dispatch }, round)
         });
-        (Work { round_trips: 1.0, ..dispatch }, round)
-    });
+    }
 }
 
 /// The first application of a product on an adapter just opened, which compiles its kernels, and the one after it.

@@ -27,25 +27,28 @@ pub fn iterations(gpu: &Gpu) -> usize {
     if gpu.record().is_hardware() { 32 } else { 3 }
 }
 
-/// `kept`, `walked`, `walked, near sums` and `walked, fixed point`.
-pub fn light_map(rates: &mut Rates, group: &str, [gpu, near]: [&Gpu; 2], field: &Field) {
+/// `rows kept`, `rows kept after interleave`, `walked`, `walked, near sums` and `walked, fixed point`, by plain tactics and by those for
+/// hardware.
+pub fn light_map(rates: &mut Rates, group: &str, [gpu, chosen]: &[Gpu; 2], field: &Field) {
     let traversal = LazyCell::new(|| field.traversal());
     let nonzeros = LazyCell::new(|| foreseen(&*traversal));
     let walked = |gpu, fixed| Walked::light_map(gpu, &traversal, false, fixed).unwrap();
-    let kept = LazyCell::new(|| kept(gpu, &*traversal));
+    let [planes, interleaved] = [gpu, chosen].map(|gpu| LazyCell::new(|| kept(gpu, &*traversal)));
     let alone = LazyCell::new(|| walked(gpu, false));
-    let beside = LazyCell::new(|| walked(near, false));
+    let beside = LazyCell::new(|| walked(chosen, false));
     let fixed = LazyCell::new(|| walked(gpu, true));
     let (rays, [_, sums @ ..]) = (field.painted as u64, &PRODUCTS);
     // More than that has no room.
     if field.painted < Field::LARGE.painted {
         let work = || Work { rays, nonzeros: *nonzeros, bytes: NONZERO * *nonzeros, ..Work::default() };
-        products(rates, group, ("rows kept", &PRODUCTS), gpu, &kept, &work);
-        iteration(rates, group, "rows kept", gpu, &kept, &work);
+        products(rates, group, ("rows kept", &PRODUCTS), gpu, &planes, &work);
+        products(rates, group, ("rows kept after interleave", &PRODUCTS), chosen, &interleaved, &work);
+        iteration(rates, group, "rows kept", gpu, &planes, &work);
+        iteration(rates, group, "rows kept after interleave", chosen, &interleaved, &work);
     }
     let work = || Work { rays, nonzeros: *nonzeros, bytes: RAY * rays, ..Work::default() };
     products(rates, group, ("walked", &PRODUCTS), gpu, &alone, &work);
-    products(rates, group, ("walked, near sums", sums), near, &beside, &work);
+    products(rates, group, ("walked, near sums", sums), chosen, &beside, &work);
     products(rates, group, ("walked, fixed point", sums), gpu, &fixed, &work);
     iteration(rates, group, "walked", gpu, &alone, &work);
 }

@@ -16,13 +16,13 @@ type Operation = fn(&gpu::TileMetric, &mut GpuVector, &GpuVector);
 
 /// What a metric does, and how many vectors it reads or writes.
 const OPERATIONS: [(&str, u64, Operation); 3] = [
-    ("tiles: stretch", 2, |metric, v, _| metric.stretch(v)),
-    ("tiles: shrink", 2, |metric, v, _| metric.shrink(v)),
-    ("tiles: descend", 3, |metric, x, y| metric.descend(x, y, [1.0; 3], &Bounds::NOT_NEGATIVE)),
+    ("stretch", 2, |metric, v, _| metric.stretch(v)),
+    ("shrink", 2, |metric, v, _| metric.shrink(v)),
+    ("descend", 3, |metric, x, y| metric.descend(x, y, [1.0; 3], &Bounds::NOT_NEGATIVE)),
 ];
 
 /// Over all texels of a field.
-pub fn bench(rates: &mut Rates, gpu: &Gpu, field: &Field) {
+pub fn bench(rates: &mut Rates, both: &[Gpu; 2], field: &Field) {
     let made = LazyCell::new(|| {
         let traversal = field.traversal();
         let plan = WalkPlan::new::<1>(&traversal);
@@ -31,11 +31,17 @@ pub fn bench(rates: &mut Rates, gpu: &Gpu, field: &Field) {
         let tiling = Tiling::new([field.map; 2], &texels);
         let (ones, added) = (vec![1.0; field.painted], vec![1e-6; texels.len()]);
         let metric = TileMetric::new(&kept, &tiling, &ones, &added).unwrap();
-        (gpu::TileMetric::new(gpu, texels.len(), metric.channels(), metric.blocks()).unwrap(), metric.bytes())
+        let [plain, held] = both
+            .each_ref()
+            .map(|gpu| gpu::TileMetric::new(gpu, texels.len(), metric.channels(), metric.blocks()).unwrap());
+        ([plain, held], metric.bytes())
     });
-    for (name, vectors, operate) in OPERATIONS {
-        rates.bench("metric", name, || {
-            let (metric, bytes) = &*made;
+    let ways = [(0, "tiles"), (1, "tiles held")];
+    let all = ways.into_iter().flat_map(|way| OPERATIONS.map(|operation| (way, operation)));
+    for ((way, words), (name, vectors, operate)) in all {
+        rates.bench("metric", &format!("{words}: {name}"), || {
+            let (gpu, (metrics, bytes)) = (&both[way], &*made);
+            let metric = &metrics[way];
             let zeros = GpuVector::zeros(gpu, field.map * field.map);
             let (mut x, y) = (zeros.zeros_like(), zeros);
             x.fill([1.0, 0.5, 0.25]);

@@ -18,12 +18,14 @@ type Reduction = fn(&GpuVector, &GpuVector, &Bounds) -> unscatter::Result<Device
 type LookUp = fn(&mut GpuVector, &GpuVector, &[<GpuVector as Indexed>::Index; 2]);
 
 /// Kernels that change an element by its partners, and how many vectors each reads or writes.
-const CHANGES: [(&str, u64, Change); 9] = [
+const CHANGES: [(&str, u64, Change); 11] = [
     ("fill", 1, |x, _, _, _| x.fill([1.0, 2.0, 3.0])),
     ("axpby", 3, |x, y, _, _| x.axpby([0.5; 3], y, [0.25; 3])),
     ("scale", 2, |x, _, _, _| x.scale([-1.0; 3])),
     ("multiply", 3, |x, y, _, _| x.multiply(y)),
     ("invert", 2, |x, _, _, _| x.invert()),
+    ("extrapolate", 3, |x, y, _, _| x.extrapolate(y, [0.5; 3])),
+    ("step_within", 4, |x, y, z, bounds| x.step_within([0.5; 3], y, z, bounds)),
     ("clamp", 2, |x, _, _, bounds| x.clamp(bounds)),
     ("hold", 4, |x, y, z, bounds| x.hold(y, z, bounds)),
     ("hold_at_bounds", 3, |x, y, _, bounds| x.hold_at_bounds(y, bounds)),

@@ -22,6 +22,8 @@ struct VectorParams {
     // Two scalars a channel: factors, or l and u.
     a: vec4<f32>,
     b: vec4<f32>,
+    // A factor a channel beside l and u.
+    c: vec4<f32>,
 }
 
 // l

@@ -13,7 +13,6 @@ mod stress;
 mod words;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -26,9 +25,9 @@ use crate::job::{Stop, abandon};
 use crate::{Error, Fault, Result, io};
 
 /// Exit code where the input is at fault.
-const INPUT: u8 = 1;
+const INPUT: i32 = 1;
 /// Exit code where the machine is at fault.
-const MACHINE: u8 = 3;
+const MACHINE: i32 = 3;
 /// Exit code after Ctrl-C.
 const INTERRUPTED: i32 = 130;
 
@@ -62,24 +61,33 @@ impl Manners {
     }
 }
 
-/// Runs the command that the arguments of the process ask for.
-pub fn main() -> ExitCode {
+/// Runs the command that the arguments of the process ask for, and ends the process.
+pub fn main() -> ! {
     let arguments = Arguments::parse();
     watch_verbosity(&arguments);
     quieten_caught_panics();
     let manners = Manners { json: arguments.json, quiet: arguments.quiet, numbers: arguments.verbose > 0 };
-    match start_threads(arguments.threads).and_then(|()| run(&arguments.command, &manners)) {
-        Ok(Done::Completely) => ExitCode::SUCCESS,
-        Ok(Done::Interrupted) | Err(Error::Interrupted) => ExitCode::from(INTERRUPTED as u8),
-        Ok(Done::Broken) => ExitCode::from(INPUT),
+    leave(match start_threads(arguments.threads).and_then(|()| run(&arguments.command, &manners)) {
+        Ok(Done::Completely) => 0,
+        Ok(Done::Interrupted) | Err(Error::Interrupted) => INTERRUPTED,
+        Ok(Done::Broken) => INPUT,
         Err(error) => {
             diagnostics::show(&error);
-            ExitCode::from(match error.fault() {
+            match error.fault() {
                 Fault::Machine => MACHINE,
                 Fault::Input => INPUT,
-            })
+            }
         }
-    }
+    })
+}
+
+/// Ends the process at once, without what libraries have registered for its end: a driver would free there what its threads still compute
+/// with where a device hangs or was lost, and die of it. Nothing is lost: what is printed is flushed there and then.
+fn leave(code: i32) -> ! {
+    #[cfg(unix)]
+    signal_hook::low_level::exit(code);
+    #[cfg(not(unix))]
+    std::process::exit(code)
 }
 
 /// More threads than any machine of today has processors.
@@ -156,7 +164,7 @@ fn watch_interrupt(stop: &Stop, folder: Option<PathBuf>) -> Result<()> {
         stop.ask();
         if first.get_or_init(Instant::now).elapsed() > ONE_REQUEST {
             folder.iter().for_each(|folder| abandon(folder));
-            std::process::exit(INTERRUPTED);
+            leave(INTERRUPTED);
         }
     };
     on_interrupt(asked).map_err(|error| Error::Machine(format!("cannot watch for Ctrl-C: {error}")))

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec2, DVec3};
 
-use super::device::{AdapterRecord, Choice, Gpu};
+use super::device::{AdapterRecord, Choice, Gpu, Tactics};
 use super::operators::{Kept, TileMetric, Walked};
 use super::vectors::GpuVector;
 use crate::march::{
@@ -25,20 +25,23 @@ const ELEMENTS: usize = 10_007;
 const WALKED: f64 = 1e-5;
 
 /// Lets an adapter compute what is known: vectors, kept rows of every way of sharing them, tiles, and the traversals of light maps and
-/// volumes in f32 and in fixed point, with and without sums inside workgroups.
+/// volumes in f32 and in fixed point, by the tactics for hardware and by those for software.
 ///
 /// Errors: [`Error::Adapter`] when it computes something else, or cannot.
 pub fn known_answers(record: &AdapterRecord) -> Result<()> {
-    let choice = Choice { number: Some(record.number), ..Choice::default() };
-    let gpu = Gpu::open(&choice)?;
-    vectors(&gpu)?;
-    // Non-zeros a row that one lane takes, that eight share, and 32; columns of 10,000, which are cut up.
-    [2, 20, 200].into_iter().try_for_each(|nonzeros| kept_rows(&gpu, nonzeros))?;
-    tiles(&gpu)?;
-    volume(&gpu)?;
-    [false, true]
-        .into_iter()
-        .try_for_each(|near| light_map(&Gpu::open(&Choice { sums_near: Some(near), ..choice.clone() })?))
+    for tactics in [Tactics::SOFTWARE, Tactics::HARDWARE] {
+        let choice = Choice { number: Some(record.number), tactics: Some(tactics), ..Choice::default() };
+        let gpu = Gpu::open(&choice)?;
+        if tactics == Tactics::SOFTWARE {
+            vectors(&gpu)?;
+            volume(&gpu)?;
+        }
+        // Non-zeros a row that one lane takes, that eight share, and 32; columns of 10,000, which are cut up.
+        [2, 20, 200].into_iter().try_for_each(|nonzeros| kept_rows(&gpu, nonzeros))?;
+        tiles(&gpu)?;
+        light_map(&gpu)?;
+    }
+    Ok(())
 }
 
 fn counted() -> Vec<[f64; 3]> {

@@ -13,7 +13,9 @@ mod operators;
 mod surfaces;
 mod vectors;
 
-pub use device::{AdapterRecord, Choice, Gpu, SimulatedFault, adapters, is_caught, may_have_hardware};
+pub use device::{
+    AdapterRecord, Choice, Gpu, SimulatedFault, Tactics, adapters, is_caught, may_have_hardware,
+};
 pub use kernels::{Accumulation, KernelText, kernel_texts};
 pub use known_answers::known_answers;
 pub use operators::{DeviceOperator, GpuOperator, Kept, TileMetric, Walked};

@@ -4,7 +4,9 @@ use super::default_budget;
 use crate::march::{FurtherWeights, ViewRay};
 use crate::operator::Tiling;
 use crate::problem::{Constraint, Optics, Problem, constraints, light_bytes, vectors};
-use crate::scene::{Find, KeyFrame, MetricName, RegularizationWeight, Scene, SolveSettings, VolumeScene};
+use crate::scene::{
+    Find, KeyFrame, MetricName, RegularizationWeight, Scene, SolveSettings, Strategy, VolumeScene,
+};
 use crate::visibility::ShadowMap;
 use crate::{Error, Result, Warning};
 
@@ -96,12 +98,15 @@ impl MemoryBudget {
             + problem.prepared_bytes())
     }
 
-    /// The settings; without the metric of tiles where it would take more than its share, with one that takes next to none.
+    /// The settings, with the metric that is used: tiles where they are asked for or pay, unless they would take more than their share.
     pub(crate) fn settled(
         &self,
         mut settings: SolveSettings,
         problem: &dyn Problem,
     ) -> Result<SolveSettings> {
+        if settings.metric == MetricName::Auto && !self.tiles_pay(&settings, problem) {
+            settings.metric = MetricName::Sqs;
+        }
         let bytes = metric_bytes(&settings, problem, problem.formulation(&settings)?.elements());
         if bytes > self.allowed / 4 {
             let needed = mebibytes(bytes);
@@ -112,6 +117,15 @@ impl MemoryBudget {
             settings.metric = MetricName::Sqs;
         }
         Ok(settings)
+    }
+
+    /// Whether tiles save more iterations than they cost. Neighbours that are held together by smoothness cannot stand in for each other as
+    /// they can without it, so tiles save little; what they then cost, beside an iteration of kept rows, is more (docs/solvers.md).
+    fn tiles_pay(&self, settings: &SolveSettings, problem: &dyn Problem) -> bool {
+        let asked = settings.regularization;
+        let is_smooth = [asked.gradient, asked.laplacian] != [RegularizationWeight::Relative(0.0); 2];
+        let is_kept = settings.strategy != Strategy::MatrixFree && problem.kept_bytes() <= self.allowed;
+        !(is_smooth && is_kept)
     }
 }
 

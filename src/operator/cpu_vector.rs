@@ -33,8 +33,7 @@ impl<F: Real> CpuVector<F> {
         constants: [Scalars; N],
         change: impl Fn(&mut F, F, [F; N]) + Sync,
     ) {
-        debug_assert_eq!(self.0.len(), other.0.len());
-        update(&mut self.0, &other.0, constants, change);
+        update(&mut self.0, [&other.0], constants, |mine, [other], constants| change(mine, other, constants));
     }
 
     fn each(&mut self, constants: Scalars, change: impl Fn(F, F) -> F + Sync) {
@@ -43,32 +42,34 @@ impl<F: Real> CpuVector<F> {
 
     /// [`update`] with the bounds of each element for constants.
     fn update_within(&mut self, x: &Self, bounds: &Bounds, change: impl Fn(&mut F, F, [F; 2]) + Sync) {
-        debug_assert_eq!(self.0.len(), x.0.len());
         for (part, bounds) in bounds.parts(self.0.len()) {
-            update(&mut self.0[part.clone()], &x.0[part], bounds, &change);
+            let x = [&x.0[part.clone()]];
+            update(&mut self.0[part], x, bounds, |mine, [x], bounds| change(mine, x, bounds));
         }
     }
 }
 
-/// Changes every number by its partner in `theirs` and the constants of its channel.
-fn update<F: Real, const N: usize>(
+/// Changes every number by its partners in `theirs` and the constants of its channel.
+fn update<F: Real, const M: usize, const N: usize>(
     mine: &mut [[F; 3]],
-    theirs: &[[F; 3]],
+    theirs: [&[[F; 3]]; M],
     constants: [Scalars; N],
-    change: impl Fn(&mut F, F, [F; N]) + Sync,
+    change: impl Fn(&mut F, [F; M], [F; N]) + Sync,
 ) {
+    debug_assert!(theirs.iter().all(|theirs| theirs.len() == mine.len()));
     let constants: [[F; N]; LANES] = std::array::from_fn(|lane| constants.map(|c| F::of(c[lane % 3])));
     on_pieces(mine, PIECE, &|first, mine| {
-        let theirs = &theirs[first..first + mine.len()];
+        let theirs =
+            theirs.map(|theirs| theirs[first..first + mine.len()].as_flattened().as_chunks::<LANES>());
         let (mine, my_rest) = mine.as_flattened_mut().as_chunks_mut::<LANES>();
-        let (theirs, their_rest) = theirs.as_flattened().as_chunks::<LANES>();
-        for (mine, theirs) in mine.iter_mut().zip(theirs) {
+        for (chunk, mine) in mine.iter_mut().enumerate() {
+            let theirs = theirs.map(|(chunks, _)| &chunks[chunk]);
             for lane in 0..LANES {
-                change(&mut mine[lane], theirs[lane], constants[lane]);
+                change(&mut mine[lane], theirs.map(|theirs| theirs[lane]), constants[lane]);
             }
         }
-        for (lane, (mine, theirs)) in my_rest.iter_mut().zip(their_rest).enumerate() {
-            change(mine, *theirs, constants[lane]);
+        for (lane, mine) in my_rest.iter_mut().enumerate() {
+            change(mine, theirs.map(|(_, rest)| rest[lane]), constants[lane]);
         }
     });
 }
@@ -169,6 +170,20 @@ impl<F: Real> Vector for CpuVector<F> {
 
     fn invert(&mut self) {
         self.each([0.0; 3], |mine, zero| if mine == zero { zero } else { mine.recip() });
+    }
+
+    fn extrapolate(&mut self, x: &Self, factor: Scalars) {
+        self.update(x, [factor], |mine, x, [factor]| *mine = x + factor * (x - *mine));
+    }
+
+    fn step_within(&mut self, factor: Scalars, x: &Self, y: &Self, bounds: &Bounds) {
+        for (part, [lower, upper]) in bounds.parts(self.0.len()) {
+            let partners = [&x.0[part.clone()], &y.0[part.clone()]];
+            let constants = [factor, lower, upper];
+            update(&mut self.0[part], partners, constants, |mine, [x, y], [factor, lower, upper]| {
+                *mine = (y + factor * (*mine * x)).max(lower).min(upper);
+            });
+        }
     }
 
     fn clamp(&mut self, bounds: &Bounds) {

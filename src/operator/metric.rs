@@ -47,9 +47,7 @@ impl<V: Vector> Metric<V> for Scaling<V> {
     }
 
     fn descend(&self, x: &mut V, y: &V, norm: Scalars, bounds: &Bounds) {
-        x.multiply(&self.inverse);
-        x.axpby([1.0; 3], y, norm.map(|norm| -1.0 / norm));
-        x.clamp(bounds);
+        x.step_within(norm.map(|norm| -1.0 / norm), &self.inverse, y, bounds);
     }
 
     fn majorizes(&self) -> bool {

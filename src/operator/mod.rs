@@ -99,6 +99,12 @@ pub trait Vector: Sized + Send + Sync {
     /// self ← 1 / self, element by element; 0 where self is 0.
     fn invert(&mut self);
 
+    /// self ← x + factor (x − self): through x and beyond. What stood at x stays there, to the bit.
+    fn extrapolate(&mut self, x: &Self, factor: Scalars);
+
+    /// self ← min(max(y + factor (self ∘ x), l), u): a projected step from y against a gradient, in a diagonal metric.
+    fn step_within(&mut self, factor: Scalars, x: &Self, y: &Self, bounds: &Bounds);
+
     /// self ← min(max(self, l), u), element by element.
     fn clamp(&mut self, bounds: &Bounds);
 

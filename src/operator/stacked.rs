@@ -202,6 +202,14 @@ impl<R: Vector, V: Vector> Vector for Blocks<R, V> {
         each!(self, mine => mine.invert());
     }
 
+    fn extrapolate(&mut self, x: &Self, factor: Scalars) {
+        each!(self, mine, x => mine.extrapolate(x, factor));
+    }
+
+    fn step_within(&mut self, factor: Scalars, x: &Self, y: &Self, bounds: &Bounds) {
+        each!(self, mine, x, y => mine.step_within(factor, x, y, bounds));
+    }
+
     fn clamp(&mut self, bounds: &Bounds) {
         each!(self, mine => mine.clamp(bounds));
     }

@@ -93,8 +93,8 @@ impl<O: LinearOperator> Method<O> for Fista<O> {
     fn step(&mut self, problem: &LeastSquares<O>, live: Live) -> Result<()> {
         let t = self.t.map(|t| (1.0 + (1.0 + 4.0 * t * t).sqrt()) / 2.0);
         let ahead = each(|c| if self.t[c] > 1.0 { (self.t[c] - 1.0) / t[c] } else { 0.0 });
-        go_ahead(&mut self.x_before, &self.at.x, ahead);
-        go_ahead(&mut self.g_before, &self.at.g, ahead);
+        self.x_before.extrapolate(&self.at.x, ahead);
+        self.g_before.extrapolate(&self.at.g, ahead);
         self.project(problem, live)?;
 
         // d = y − x₊ takes the place of y, D d that of the gradient at y.
@@ -161,10 +161,4 @@ impl<O: LinearOperator> Method<O> for Fista<O> {
             ],
         }
     }
-}
-
-/// before ← now + m (now − before), so that what has not moved does not move by rounding either.
-fn go_ahead<V: Vector>(before: &mut V, now: &V, m: Scalars) {
-    before.axpby([1.0; 3], now, [-1.0; 3]);
-    before.axpby([1.0; 3], now, m);
 }

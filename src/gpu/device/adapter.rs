@@ -107,11 +107,32 @@ pub struct Choice {
     pub workgroup_limit: Option<u32>,
     /// Whether f32 sums are made by compare-and-swap even where the adapter has atomics for them.
     pub without_float_atomics: bool,
-    /// Whether deposits where all rays of a view meet are summed up inside a workgroup first. By default on hardware, where
-    /// many lanes would wait for one texel, and not on software adapters, where few lanes run at once and it doubles the work.
-    pub sums_near: Option<bool>,
+    /// How it is used; as adapters of its kind are best used without.
+    pub tactics: Option<Tactics>,
     /// A fault to simulate.
     pub fault: Option<SimulatedFault>,
+}
+
+/// What is quicker on one kind of adapter than on the other, with the same results but for rounding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tactics {
+    /// Deposits where all rays of a view meet are summed up inside a workgroup first: on hardware many lanes would wait for one texel.
+    pub sums_near: bool,
+    /// Kept rows look up elements whose channels lie side by side, in a copy that is made for each product: on hardware a product waits for
+    /// accesses anywhere, and these are a third of them.
+    pub interleaved: bool,
+    /// A grey tile is read once, into the memory of its workgroup, where a step reads it four times.
+    pub holds_tiles: bool,
+    /// Whoever waits asks again and again for a moment before it sleeps: to be woken takes longer than many an iteration.
+    pub spins: bool,
+}
+
+impl Tactics {
+    /// For hardware.
+    pub const HARDWARE: Self = Self { sums_near: true, interleaved: true, holds_tiles: true, spins: true };
+    /// For software adapters: few lanes run at once, all memory is the processor's, and who waits takes its time.
+    pub const SOFTWARE: Self =
+        Self { sums_near: false, interleaved: false, holds_tiles: false, spins: false };
 }
 
 /// What can go wrong with an adapter, so that it can be brought about.

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::adapter::SimulatedFault;
 use super::failure::{note, one_line};
 use super::gpu::Gpu;
@@ -12,18 +14,21 @@ use crate::{Error, Result};
 
 impl Gpu {
     pub(in crate::gpu) fn pipeline(&self, program: Program) -> Option<Arc<Pipeline>> {
-        let mut pipelines = lock(&self.0.pipelines);
-        if let Some(known) = pipelines.get(&program) {
+        if let Some(known) = lock(&self.0.pipelines).get(&program) {
             return known.clone();
         }
         let source = match self.0.fault {
             Some(SimulatedFault::Compilation) => "this is no kernel".to_owned(),
-            Some(SimulatedFault::Arithmetic) => program.source().replace("total += part", "total = part"),
+            Some(SimulatedFault::Arithmetic) => program.source().replace("total += w", "total = w"),
             _ => program.source(),
         };
         let made = self.compile(program, &source).map_err(|error| note(&self.0.failure, error)).ok();
-        pipelines.insert(program, made.clone());
-        made
+        lock(&self.0.pipelines).entry(program).or_insert(made).clone()
+    }
+
+    /// Compiles kernels that will be asked for, side by side, where a driver would else do so one by one at their first use.
+    pub(in crate::gpu) fn prepare(&self, programs: &[Program]) {
+        programs.par_iter().for_each(|&program| drop(self.pipeline(program)));
     }
 
     /// Errors: [`Error::Adapter`] with what the compiler says.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-use super::adapter::{AdapterRecord, Choice, SimulatedFault, choose};
+use super::adapter::{AdapterRecord, Choice, SimulatedFault, Tactics, choose};
 use super::failure::{SMALLER, WITHOUT, copy_of, note, one_line};
 use super::recorder::{Pipeline, Recorder, SLOT, SLOTS};
 use super::results::Waiting;
@@ -35,7 +35,7 @@ pub(in crate::gpu) struct Inner {
     /// Workgroups along one axis of a dispatch.
     pub(in crate::gpu) workgroup_limit: u32,
     pub(in crate::gpu) float_atomics: bool,
-    pub(in crate::gpu) sums_near: bool,
+    pub(in crate::gpu) tactics: Tactics,
     pub(in crate::gpu) fault: Option<SimulatedFault>,
     pub(in crate::gpu) failure: Arc<Mutex<Option<Error>>>,
     pub(in crate::gpu) recorder: Mutex<Recorder>,
@@ -107,7 +107,10 @@ impl Gpu {
             binding_limit: choice.binding_limit.map_or(limit, |lower| lower.min(limit)),
             workgroup_limit: choice.workgroup_limit.unwrap_or(u32::MAX).min(record.workgroup_limit),
             float_atomics: record.float_atomics && !choice.without_float_atomics,
-            sums_near: choice.sums_near.unwrap_or(record.is_hardware()),
+            tactics: choice.tactics.unwrap_or(match record.is_hardware() {
+                true => Tactics::HARDWARE,
+                false => Tactics::SOFTWARE,
+            }),
             fault: choice.fault,
             device,
             queue,
@@ -187,9 +190,9 @@ impl Gpu {
         })
     }
 
-    /// Whether deposits near an eye are summed up inside a workgroup first.
-    pub(in crate::gpu) fn sums_near(&self) -> bool {
-        self.0.sums_near
+    /// How it is used.
+    pub(in crate::gpu) fn tactics(&self) -> Tactics {
+        self.0.tactics
     }
 
     /// Rays that one dispatch walks at most, of so many bytes each; slabs of y begin where bindings may.

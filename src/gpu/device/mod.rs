@@ -12,7 +12,7 @@ mod recorder;
 mod results;
 mod submission;
 
-pub use adapter::{AdapterRecord, Choice, SimulatedFault, adapters, may_have_hardware};
+pub use adapter::{AdapterRecord, Choice, SimulatedFault, Tactics, adapters, may_have_hardware};
 pub use gpu::Gpu;
 pub(super) use memory::Allocation;
 pub use patience::is_caught;

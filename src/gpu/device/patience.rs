@@ -24,6 +24,8 @@ pub(in crate::gpu) const GRACE: Duration = Duration::from_secs(5);
 const SIMULATED: Duration = Duration::from_millis(500);
 /// How often to ask whether to go on.
 const GLANCE: Duration = Duration::from_millis(50);
+/// How long to ask again and again before sleeping, where that is the device's way.
+const SPIN: Duration = Duration::from_micros(300);
 /// How wgpu begins to panic where a driver loses the device while it is waited for.
 const LOST: &str = "Error in Device::poll";
 
@@ -88,7 +90,6 @@ impl Gpu {
             sleep(GLANCE);
             return Ok(Glance::Busy);
         }
-        let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(GLANCE) };
         let polled = catch_unwind(AssertUnwindSafe(|| {
             if matches!(self.0.fault, Some(SimulatedFault::Crash(begins)) if round_trips >= begins) {
                 #[allow(clippy::panic, reason = "wgpu does, and that is what is simulated")]
@@ -96,7 +97,7 @@ impl Gpu {
                     panic!("{LOST}: simulated");
                 }
             }
-            self.0.device.poll(wait)
+            self.poll()
         }));
         match polled {
             Ok(Ok(_)) => Ok(Glance::Done),
@@ -104,6 +105,19 @@ impl Gpu {
             Ok(Err(other)) => Err(self.failed(&format!("cannot be waited for: {other}"))),
             Err(_) => Ok(Glance::Lost),
         }
+    }
+
+    /// Waits until all is done or a [`GLANCE`] has passed.
+    fn poll(&self) -> std::result::Result<wgpu::PollStatus, wgpu::PollError> {
+        let begun = Instant::now();
+        while self.0.tactics.spins && begun.elapsed() < SPIN {
+            let status = self.0.device.poll(wgpu::PollType::Poll)?;
+            if status.is_queue_empty() {
+                return Ok(status);
+            }
+            std::hint::spin_loop();
+        }
+        self.0.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(GLANCE) })
     }
 
     /// Keeps a failure, and what belongs to the device for ever: dropping it would wait for it.

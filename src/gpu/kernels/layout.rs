@@ -56,6 +56,7 @@ layouts! {
         pad2: u32,
         a: [f32; 4],
         b: [f32; 4],
+        c: [f32; 4],
     }
 
     /// `LightMapUniform` of kernels/prelude/light_map.wgsl.
@@ -150,14 +151,22 @@ layouts! {
 
     /// `RowsParams` of kernels/rows.wgsl.
     RowsParams {
-        rows: u32,
-        y_first: u32,
-        y_stride: u32,
+        nonzeros: u32,
         channel: u32,
         x_stride: u32,
-        nonzeros: u32,
-        pad0: u32,
-        pad1: u32,
+        y_stride: u32,
+        pieces_stride: u32,
+        places: u32,
+        groups: u32,
+        pad: u32,
+    }
+
+    /// `RowsGroup` of kernels/rows.wgsl.
+    RowsGroup {
+        first: u32,
+        end: u32,
+        sharers: u32,
+        pad: u32,
     }
 
     /// `TilesParams` of kernels/tiles.wgsl.

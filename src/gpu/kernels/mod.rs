@@ -29,6 +29,8 @@ pub(super) use walk::{LightMapWalk, VolumeWalk, Walk};
 pub(super) const LANES: u32 = 256;
 /// Elements that one workgroup of a reduction takes: sixteen a lane.
 pub(super) const PIECE: u32 = 16 * LANES;
+/// Lanes that share a kept row at most.
+pub(super) const SHARERS: u32 = 32;
 /// Rays of a workgroup.
 pub(super) const RAYS: u32 = 64;
 /// Storage buffers that one kernel binds at most; a test counts them.

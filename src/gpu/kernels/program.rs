@@ -57,6 +57,13 @@ impl Program {
         [first].into_iter().chain(further).collect()
     }
 
+    /// What a solve with kept rows asks for, vectors and rows.
+    pub(in crate::gpu) fn of_kept_rows(colored: bool, interleaved: bool) -> Vec<Self> {
+        let plain = KERNELS.iter().filter(|kernel| (kernel.row().variants)() == [Variant::Plain]);
+        let rows = [false, true].map(|squared| Variant::Rows { colored, channels: 3, squared, interleaved });
+        plain.map(|&kernel| kernel.into()).chain(rows.map(|rows| Self::new(Kernel::Rows, rows))).collect()
+    }
+
     /// Every kernel in every variant that some problem can ask for.
     pub(super) fn all() -> Vec<Self> {
         let of = |&kernel: &Kernel| (kernel.row().variants)().into_iter().map(move |v| Self::new(kernel, v));

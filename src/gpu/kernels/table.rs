@@ -50,6 +50,8 @@ kernels! {
     Multiply: "multiply", [Write Read], ["vector_params" "vector"], plain, "operator/cpu_vector" "multiply";
     Invert: "invert", [Write], ["vector_params" "vector"], plain, "operator/cpu_vector" "invert";
     Clamp: "clamp", [Write], ["vector_params" "vector"], plain, "operator/cpu_vector" "clamp";
+    Extrapolate: "extrapolate", [Write Read], ["vector_params" "vector"], plain, "operator/cpu_vector" "extrapolate";
+    StepWithin: "step_within", [Write Read Read], ["vector_params" "vector"], plain, "operator/cpu_vector" "step_within";
     Hold: "hold", [Write Read Read], ["bounds" "vector_params" "vector"], plain, "operator/cpu_vector" "hold";
     HoldAtBounds: "hold_at_bounds", [Write Read], ["vector_params" "vector"], plain, "operator/cpu_vector" "hold_at_bounds";
     Shorten: "shorten", [Write Read], ["vector_params" "vector"], plain, "operator/cpu_vector" "shorten";
@@ -64,7 +66,9 @@ kernels! {
     LargestBits: "largest_bits", [Write Read], ["vector_params" "reduction"], plain, "cpu/products" "scatter";
     FixedScale: "fixed_scale", [Write Read], [], plain, "cpu/products" "scatter";
     FixedFinish: "fixed_finish", [Write Read Read Read], ["vector_params" "vector" "fixed_point"], plain, "cpu/products" "scatter";
-    Rows: "rows", [Write Read Read Read Read], [], rows, "cpu/products" "gather";
+    // To lie side by side is what the processor's vectors do anyway.
+    Interleave: "interleave", [Write Read], ["vector_params"], plain, "operator/cpu_vector" "to_host";
+    Rows: "rows", [Write Read Write Read Read Read Read], [], rows, "cpu/products" "gather";
     Tiles: "tiles", [Write Read Read Read Read Read], [], tiles, "cpu/tiles" "sweep";
     // The traversals, compiled into what consumes them. A variant is a traversal, and adds its rays and what they pass through.
     Gather: "gather", [Write Read], [], gathers, "march/mod" "gathered";

@@ -1,14 +1,16 @@
 //! What a kernel is compiled for: variants, with the constants, texts and bindings that each of them adds.
 
-use super::RAYS;
 use super::access::Access;
 use super::layout::{FARTHEST, LEVELS, LIGHTS, PLACE_BITS, TICKS};
 use super::walk::{LightMapWalk, VolumeWalk, Walk};
+use super::{RAYS, SHARERS};
 use crate::march::{GAUSS_2, GAUSS_4, MOST_PANELS, PANEL, SERIES_0, SERIES_2};
 use crate::operator::TILE_SIDE;
 
 /// Texels a side around the entry of a workgroup's rays that are summed up inside the workgroup.
 const NEAR: u32 = 16;
+/// Unknowns of a tile.
+const TILE: u32 = (TILE_SIDE * TILE_SIDE) as u32;
 /// Terms of the series for thin media: enough for f32 up to an optical depth of ½ a cell.
 const SERIES: usize = 9;
 
@@ -23,8 +25,8 @@ pub(in crate::gpu) enum Variant {
         /// Channels at once: 1 or 3.
         channels: u32,
         squared: bool,
-        /// Lanes a row; a power of two.
-        sharers: u32,
+        /// Whether the channels of an element of x lie side by side.
+        interleaved: bool,
     },
     /// Of the metric of tiles.
     Tiles {
@@ -32,6 +34,8 @@ pub(in crate::gpu) enum Variant {
         /// Channels at once: 1 or 3.
         channels: u32,
         operation: TileOperation,
+        /// Whether a tile is read once, into the memory of its workgroup; a grey one.
+        held: bool,
     },
     /// Of a traversal: how rays are walked, and how deposits are added up where there are any.
     Walk(Walk, Option<Accumulation>),
@@ -67,17 +71,22 @@ fn weights_and_channels() -> impl Iterator<Item = (bool, u32)> {
 
 pub(super) fn rows() -> Vec<Variant> {
     let of = |(colored, channels)| {
-        let kinds =
-            [false, true].into_iter().flat_map(|squared| [1, 8, 32].map(|sharers| (squared, sharers)));
-        kinds.map(move |(squared, sharers)| Variant::Rows { colored, channels, squared, sharers })
+        let kinds = [(false, false), (false, true), (true, false), (true, true)].into_iter();
+        kinds
+            .filter(move |(_, interleaved)| channels == 3 || !interleaved)
+            .map(move |(squared, interleaved)| Variant::Rows { colored, channels, squared, interleaved })
     };
     weights_and_channels().flat_map(of).collect()
 }
 
 pub(super) fn tiles() -> Vec<Variant> {
     let operations = [TileOperation::Stretch, TileOperation::Shrink, TileOperation::Descend];
-    let of =
-        |(colored, channels)| operations.map(|operation| Variant::Tiles { colored, channels, operation });
+    let of = |(colored, channels)| {
+        let kinds = operations.into_iter().flat_map(|operation| [false, true].map(|held| (operation, held)));
+        kinds
+            .filter(move |&(operation, held)| !(held && (colored || operation == TileOperation::Stretch)))
+            .map(move |(operation, held)| Variant::Tiles { colored, channels, operation, held })
+    };
     weights_and_channels().flat_map(of).collect()
 }
 
@@ -137,7 +146,12 @@ impl Variant {
 
     /// Texts of `kernels/prelude/` before those of the kernel's own row.
     pub(super) fn texts(self) -> Vec<&'static str> {
-        let Self::Walk(walk, accumulation) = self else { return Vec::new() };
+        let (walk, accumulation) = match self {
+            Self::Walk(walk, accumulation) => (walk, accumulation),
+            Self::Rows { interleaved: true, .. } => return vec![prelude!("interleaved")],
+            Self::Rows { .. } => return vec![prelude!("planes")],
+            _ => return Vec::new(),
+        };
         let mut texts = match walk {
             Walk::LightMap(walk) => vec![
                 if walk.colored { prelude!("colored") } else { prelude!("grey") },
@@ -165,17 +179,19 @@ impl Variant {
     pub(super) fn constants(self) -> Vec<String> {
         match self {
             Self::Plain => Vec::new(),
-            Self::Rows { colored, channels, squared, sharers } => vec![
+            Self::Rows { colored, channels, squared, .. } => vec![
                 constant("COLORED", "bool", colored),
                 constant("CHANNELS", "u32", channels),
                 constant("SQUARED", "bool", squared),
-                constant("SHARERS", "u32", sharers),
+                constant("SHARERS", "u32", SHARERS),
             ],
-            Self::Tiles { colored, channels, operation } => vec![
+            Self::Tiles { colored, channels, operation, held } => vec![
                 constant("COLORED", "bool", colored),
                 constant("CHANNELS", "u32", channels),
                 constant("OPERATION", "u32", operation as u32),
-                constant("TILE", "u32", TILE_SIDE * TILE_SIDE),
+                constant("TILE", "u32", TILE),
+                constant("HELD", "bool", held),
+                constant("HELD_NUMBERS", "u32", if held { TILE * (TILE + 1) / 2 } else { 1 }),
             ],
             Self::Walk(Walk::LightMap(walk), _) => of_light_map(walk),
             Self::Walk(Walk::Volume(walk), _) => of_volume(walk),

@@ -1,18 +1,19 @@
 //! Rows that are kept on the device, and their transpose: both directions gather, without atomics and always in the same order.
 
-use std::sync::{Arc, Mutex};
+use std::ops::Range;
+use std::sync::Mutex;
 
 use super::device_operator::DeviceOperator;
+use crate::Result;
 use crate::gpu::device::{Allocation, Gpu};
-use crate::gpu::kernels::layout::RowsParams;
-use crate::gpu::kernels::{Kernel, LANES, Program, Variant};
-use crate::gpu::vectors::{GpuVector, Index};
-use crate::operator::{Indexed, LinearOperator, RowTable, Storage, expect_len, lock};
-use crate::{Error, Result};
+use crate::gpu::kernels::layout::{RowsGroup, RowsParams};
+use crate::gpu::kernels::{Kernel, LANES, Program, SHARERS, Variant};
+use crate::gpu::vectors::GpuVector;
+use crate::operator::{LinearOperator, RowTable, Storage, Vector, expect_len, lock};
 
-/// Non-zeros that one row may have before it is cut up. The texels around an eye are in every row of its view, and a few
-/// lanes would work on their columns long after all others are done.
-const LONG: usize = 4096;
+/// Non-zeros that one row may have before it is cut into pieces: sixteen a lane. The texels around an eye are in every row of its view, and
+/// a few lanes would work on their columns long after all others are done.
+const LONG: usize = 512;
 
 /// T whose non-zeros are kept on the device, by rows and by columns.
 ///
@@ -24,189 +25,254 @@ pub struct Kept {
     by_row: Table,
     by_column: Table,
     nonzeros: usize,
+    /// Bound where rows have no pieces.
+    unused: GpuVector,
+    /// A vector whose channels lie side by side, where rows look up such ones. Who has it may also use the pieces.
+    together: Mutex<Option<Allocation>>,
 }
 
+/// Rows, sorted by how many lanes share one, so that the lanes of a workgroup end together.
 #[derive(Debug)]
 struct Table {
     rows: usize,
     colored: bool,
-    sharers: u32,
     slabs: Vec<TableSlab>,
-    long: Option<Box<Long>>,
+    long: Option<Long>,
 }
 
-/// Rows that are cut into pieces: each piece a sum, and each row the sum of its pieces.
+/// What becomes of the pieces of rows that are cut.
 #[derive(Debug)]
 struct Long {
-    pieces: Table,
-    sums: Table,
-    /// Which rows they are.
-    index: Index,
-    scratch: Mutex<[GpuVector; 2]>,
+    pieces: GpuVector,
+    /// The rows that are cut, over their pieces.
+    sums: Vec<TableSlab>,
 }
 
 /// So many rows as can be seen at once.
 #[derive(Debug)]
 struct TableSlab {
-    first: usize,
-    rows: usize,
     nonzeros: usize,
-    offsets: Allocation,
+    workgroups: usize,
+    groups: Allocation,
+    rows: Allocation,
     elements: Allocation,
     weights: Allocation,
+}
+
+/// A row, or a piece of one: its non-zeros, and where its sum goes.
+type Item = (Range<usize>, u32);
+
+/// What is gathered from, and where to.
+struct Gathering<'a> {
+    x: &'a GpuVector,
+    /// The same with its channels side by side.
+    together: Option<&'a Allocation>,
+    y: &'a GpuVector,
+    pieces: &'a GpuVector,
+    colored: bool,
+    squared: bool,
 }
 
 impl Kept {
     /// Hands the rows over.
     ///
-    /// Errors: [`Error::AdapterMemory`]; [`Error::TooLarge`] for vectors, or single rows, that a kernel cannot see as a whole.
+    /// Errors: [`Error::AdapterMemory`](crate::Error::AdapterMemory); [`Error::TooLarge`](crate::Error::TooLarge) for vectors that a kernel cannot see as a whole.
     pub fn new(gpu: &Gpu, rows: RowTable, elements: usize) -> Result<Self> {
+        let longest = elements.max(rows.rows());
+        let by_column = Table::new(gpu, &rows.transposed(elements))?;
+        let by_row = Table::new(gpu, &rows)?;
         // Elements of a row lie anywhere, so a channel must be visible as a whole.
-        let longest = elements.max(rows.rows()) as u64 * size_of::<f32>() as u64;
+        let pieces = [&by_column, &by_row].map(Table::pieces);
+        let bytes = pieces.into_iter().fold(longest, usize::max) * size_of::<f32>();
         gpu.expect_visible(
             "a channel of the rows that are kept",
-            longest,
+            bytes as u64,
             "choose the strategy `matrix-free`",
         )?;
+        let together = (longest * size_of::<[f32; 4]>()) as u64;
+        let is_together = gpu.tactics().interleaved && together <= gpu.binding_limit();
+        let together = is_together.then(|| gpu.try_allocate("a vector", together)).transpose()?;
         Ok(Self {
             nonzeros: rows.elements.len(),
-            by_column: Table::new(gpu, rows.transposed(elements))?,
-            by_row: Table::new(gpu, rows)?,
+            by_column,
+            by_row,
+            unused: GpuVector::zeros(gpu, 1),
+            together: Mutex::new(together),
             gpu: gpu.clone(),
         })
     }
 
     /// Bytes that the non-zeros of `T` take on a device.
     pub fn bytes(nonzeros: u64, rows: usize, elements: usize, channels: usize) -> u64 {
-        2 * nonzeros * (4 + 4 * channels as u64) + 4 * (rows + elements) as u64
+        let of_rows = size_of::<[u32; 2]>() + size_of::<RowsGroup>() + size_of::<[f32; 4]>();
+        2 * nonzeros * (4 + 4 * channels as u64) + (of_rows * (rows + elements)) as u64
     }
 
     /// The number of non-zeros.
     pub fn nonzeros(&self) -> usize {
         self.nonzeros
     }
-}
 
-impl Long {
-    /// Takes the long rows out of a table, which has none of them afterwards.
-    fn cut_out(gpu: &Gpu, table: &mut RowTable) -> Result<Option<Box<Self>>> {
-        let is_long = |table: &RowTable, row: usize| table.offsets[row + 1] - table.offsets[row] > LONG;
-        let long: Arc<[u32]> =
-            (0..table.rows()).filter(|&row| is_long(table, row)).map(|row| row as u32).collect();
-        if long.is_empty() {
-            return Ok(None);
+    /// y ← the rows of a table times x.
+    fn gather(&self, table: &Table, x: &GpuVector, y: &GpuVector, squared: bool) {
+        let together = lock(&self.together);
+        let together = together.as_ref().filter(|_| x.fits() && y.fits());
+        together.iter().for_each(|together| x.interleave(together));
+        let (colored, unused) = (table.colored, &self.unused);
+        let pieces = table.long.as_ref().map_or(unused, |long| &long.pieces);
+        let gathering = Gathering { x, together, y, pieces, colored, squared };
+        gathering.record(&self.gpu, table.rows, &table.slabs);
+        if let Some(long) = &table.long {
+            let sums =
+                Gathering { x: pieces, pieces: unused, together: None, colored: false, squared: false, y };
+            sums.record(&self.gpu, table.rows, &long.sums);
         }
-        let channels = table.weights.len();
-        let empty =
-            || RowTable { offsets: vec![0], elements: Vec::new(), weights: vec![Vec::new(); channels] };
-        let (mut pieces, mut short) = (empty(), empty());
-        let mut sums = RowTable { weights: vec![Vec::new()], ..empty() };
-        for row in 0..table.rows() {
-            let range = table.offsets[row]..table.offsets[row + 1];
-            if is_long(table, row) {
-                for first in range.clone().step_by(LONG) {
-                    sums.elements.push(pieces.rows() as u32);
-                    sums.weights[0].push(1.0);
-                    pieces.append(table, first..(first + LONG).min(range.end));
-                }
-                sums.offsets.push(sums.elements.len());
-                short.append(table, 0..0);
-            } else {
-                short.append(table, range);
-            }
-        }
-        *table = short;
-        let scratch = [GpuVector::zeros(gpu, pieces.rows()), GpuVector::zeros(gpu, long.len())];
-        Ok(Some(Box::new(Self {
-            index: scratch[0].index(&long)?,
-            pieces: Table::new(gpu, pieces)?,
-            sums: Table::new(gpu, sums)?,
-            scratch: Mutex::new(scratch),
-        })))
     }
 }
 
 impl Table {
-    fn new(gpu: &Gpu, mut table: RowTable) -> Result<Self> {
-        let long = Long::cut_out(gpu, &mut table)?;
+    fn new(gpu: &Gpu, table: &RowTable) -> Result<Self> {
         let rows = table.rows();
-        let channels = table.weights.len();
-        let at_once = gpu.binding_limit() as usize / (size_of::<f32>() * channels);
-        let mean = table.elements.len() / rows.max(1);
-        let sharers = match mean {
-            0..16 => 1,
-            16..128 => 8,
-            _ => 32,
-        };
-        let (mut slabs, mut first) = (Vec::new(), 0);
-        while first < rows {
-            let begin = table.offsets[first];
-            // All rows that fit, and at least one.
-            let within = table.offsets[first..].partition_point(|&end| end - begin <= at_once) - 1;
-            let count = within.min(at_once - 1).min(rows - first).max(1);
-            let range = begin..table.offsets[first + count];
-            if range.len() > at_once {
-                return Err(Error::TooLarge {
-                    what: "a row that is kept".to_owned(),
-                    needed: format!("{} non-zeros", range.len()),
-                    limit: format!("{at_once} non-zeros"),
-                    remedy: "choose the strategy `matrix-free`",
-                });
+        let (mut items, mut long) = (Vec::with_capacity(rows), Vec::new());
+        let mut pieces = 0;
+        for (row, ends) in table.offsets.windows(2).enumerate() {
+            let range = ends[0]..ends[1];
+            if range.len() <= LONG {
+                items.push((range, row as u32));
+                continue;
             }
-            let offsets: Vec<u32> =
-                table.offsets[first..=first + count].iter().map(|&offset| (offset - begin) as u32).collect();
-            let weights: Vec<f32> =
-                table.weights.iter().flat_map(|weights| &weights[range.clone()]).copied().collect();
-            slabs.push(TableSlab {
-                first,
-                rows: count,
-                nonzeros: range.len(),
-                offsets: gpu.upload("the rows", &offsets)?,
-                elements: gpu.upload("the rows", &table.elements[range])?,
-                weights: gpu.upload("the rows", &weights)?,
-            });
-            first += count;
+            let first = pieces;
+            for begin in range.clone().step_by(LONG) {
+                items.push((begin..(begin + LONG).min(range.end), (rows + pieces) as u32));
+                pieces += 1;
+            }
+            long.push((first..pieces, row as u32));
         }
-        Ok(Self { rows, colored: channels == 3, sharers, slabs, long })
+        let slabs = slabs_of(gpu, table, items)?;
+        let long = if pieces == 0 {
+            None
+        } else {
+            let elements = (0..pieces as u32).collect();
+            let sums = RowTable { offsets: Vec::new(), elements, weights: vec![vec![1.0; pieces]] };
+            Some(Long { pieces: GpuVector::zeros(gpu, pieces), sums: slabs_of(gpu, &sums, long)? })
+        };
+        Ok(Self { rows, colored: table.weights.len() == 3, slabs, long })
     }
 
-    /// y ← the rows times x.
-    fn gather(&self, gpu: &Gpu, x: &GpuVector, y: &GpuVector, squared: bool) {
-        for [channel, channels] in GpuVector::channels(&[x, y]) {
-            let (colored, sharers) = (self.colored, self.sharers);
-            let program = Program::new(Kernel::Rows, Variant::Rows { colored, channels, squared, sharers });
-            let of_x = x.slabs([channel, channels]).next();
-            let of_y = y.slabs([channel, channels]).next();
-            let (Some(of_x), Some(of_y)) = (of_x, of_y) else { continue };
-            for (number, slab) in self.slabs.iter().enumerate() {
+    fn pieces(&self) -> usize {
+        self.long.as_ref().map_or(0, |long| long.pieces.len())
+    }
+}
+
+/// Lanes that share so many non-zeros.
+fn sharers(nonzeros: usize) -> u32 {
+    match nonzeros {
+        0..16 => 1,
+        16..128 => 8,
+        _ => SHARERS,
+    }
+}
+
+/// The rows as a device has them.
+fn slabs_of(gpu: &Gpu, table: &RowTable, mut items: Vec<Item>) -> Result<Vec<TableSlab>> {
+    items.sort_by_key(|(range, _)| sharers(range.len()));
+    let limit = gpu.binding_limit() as usize;
+    let most_rows = limit / size_of::<RowsGroup>() - 1;
+    let most = (limit / (size_of::<f32>() * table.weights.len())).max(LONG);
+    let (mut slabs, mut rest) = (Vec::new(), &items[..]);
+    while !rest.is_empty() {
+        // All that fit, and at least one.
+        let mut nonzeros = 0;
+        let mut fits = |(range, _): &Item| {
+            nonzeros += range.len();
+            nonzeros <= most
+        };
+        let count = rest.iter().take(most_rows).position(|item| !fits(item));
+        let (here, behind) = rest.split_at(count.unwrap_or(rest.len().min(most_rows)).max(1));
+        slabs.push(TableSlab::new(gpu, table, here)?);
+        rest = behind;
+    }
+    Ok(slabs)
+}
+
+impl TableSlab {
+    fn new(gpu: &Gpu, table: &RowTable, items: &[Item]) -> Result<Self> {
+        let mut begin = 0;
+        let mut rows: Vec<[u32; 2]> = Vec::with_capacity(items.len() + 1);
+        for (range, place) in items {
+            rows.push([begin, *place]);
+            begin += range.len() as u32;
+        }
+        rows.push([begin, 0]);
+        let mut groups = Vec::new();
+        let mut first = 0;
+        for alike in items.chunk_by(|(a, _), (b, _)| sharers(a.len()) == sharers(b.len())) {
+            let (end, sharers) = (first + alike.len() as u32, sharers(alike[0].0.len()));
+            let each = LANES / sharers;
+            let group = |first: u32| RowsGroup { first, end: (first + each).min(end), sharers, pad: 0 };
+            groups.extend((first..end).step_by(each as usize).map(group));
+            first = end;
+        }
+        let of = |range: &Range<usize>| table.elements[range.clone()].iter().copied();
+        let elements: Vec<u32> = items.iter().flat_map(|(range, _)| of(range)).collect();
+        let weights = table.weights.iter();
+        let of = |weights: &'_ Vec<f32>| -> Vec<f32> {
+            items.iter().flat_map(|(range, _)| &weights[range.clone()]).copied().collect()
+        };
+        let weights: Vec<f32> = weights.flat_map(of).collect();
+        Ok(Self {
+            nonzeros: elements.len(),
+            workgroups: groups.len(),
+            groups: gpu.upload("the rows", &groups)?,
+            rows: gpu.upload("the rows", &rows)?,
+            elements: gpu.upload("the rows", &elements)?,
+            weights: gpu.upload("the rows", &weights)?,
+        })
+    }
+}
+
+impl Gathering<'_> {
+    /// Records all rows of some slabs; so many places are those of `y`, and those behind them of the pieces.
+    fn record(&self, gpu: &Gpu, places: usize, slabs: &[TableSlab]) {
+        let Self { x, together, y, pieces, colored, squared } = *self;
+        for [channel, channels] in GpuVector::channels(&[x, y, pieces]) {
+            let interleaved = together.is_some() && channels == 3;
+            let program =
+                Program::new(Kernel::Rows, Variant::Rows { colored, channels, squared, interleaved });
+            let bound = |vector: &GpuVector| {
+                let slab = vector.slabs([channel, channels]).next();
+                slab.map(|slab| vector.binding(slab))
+            };
+            let (Some(of_x), Some(of_y), Some(of_pieces)) = (bound(x), bound(y), bound(pieces)) else {
+                continue;
+            };
+            let of_x = together.filter(|_| interleaved).map_or(of_x, Allocation::whole);
+            for (number, slab) in slabs.iter().enumerate() {
                 // What exceeds a binding takes long enough for a submission of its own.
                 if number > 0 {
                     gpu.hand_over();
                 }
                 let params = RowsParams {
-                    rows: slab.rows as u32,
-                    y_first: slab.first as u32,
-                    y_stride: y.stride as u32,
+                    nonzeros: slab.nonzeros as u32,
                     channel,
                     x_stride: x.stride as u32,
-                    nonzeros: slab.nonzeros as u32,
-                    ..RowsParams::default()
+                    y_stride: y.stride as u32,
+                    pieces_stride: pieces.stride as u32,
+                    places: places as u32,
+                    groups: slab.workgroups as u32,
+                    pad: 0,
                 };
                 let bindings = [
-                    y.binding(of_y),
-                    x.binding(of_x),
-                    slab.offsets.whole(),
+                    of_y.clone(),
+                    of_x.clone(),
+                    of_pieces.clone(),
+                    slab.groups.whole(),
+                    slab.rows.whole(),
                     slab.elements.whole(),
                     slab.weights.whole(),
                 ];
-                gpu.dispatch(program, &params, &[&bindings], gpu.grid(slab.rows, LANES / sharers));
+                gpu.dispatch(program, &params, &[&bindings], gpu.grid(slab.workgroups, 1));
             }
-        }
-        if let Some(long) = &self.long {
-            let [pieces, sums] = &*lock(&long.scratch);
-            long.pieces.gather(gpu, x, pieces, squared);
-            long.sums.gather(gpu, pieces, sums, false);
-            y.overwrite(sums, &long.index);
         }
     }
 }
@@ -226,14 +292,14 @@ impl LinearOperator for Kept {
     fn apply(&self, x: &GpuVector, y: &mut GpuVector) -> Result<()> {
         expect_len("x", x, self.by_column.rows)?;
         expect_len("y", y, self.by_row.rows)?;
-        self.by_row.gather(&self.gpu, x, y, false);
+        self.gather(&self.by_row, x, y, false);
         self.gpu.check()
     }
 
     fn apply_adjoint(&self, y: &GpuVector, x: &mut GpuVector) -> Result<()> {
         expect_len("x", x, self.by_column.rows)?;
         expect_len("y", y, self.by_row.rows)?;
-        self.by_column.gather(&self.gpu, y, x, false);
+        self.gather(&self.by_column, y, x, false);
         self.gpu.check()
     }
 }
@@ -242,7 +308,7 @@ impl DeviceOperator for Kept {
     fn squares(&self, y: &GpuVector, x: &mut GpuVector) -> Result<bool> {
         expect_len("x", x, self.by_column.rows)?;
         expect_len("y", y, self.by_row.rows)?;
-        self.by_column.gather(&self.gpu, y, x, true);
+        self.gather(&self.by_column, y, x, true);
         self.gpu.check()?;
         Ok(true)
     }

@@ -5,6 +5,7 @@ use super::kept::Kept;
 use super::tiles::TileMetric;
 use super::walked::Walked;
 use crate::gpu::device::Gpu;
+use crate::gpu::kernels::Program;
 use crate::gpu::vectors::GpuVector;
 use crate::operator::{
     Composed, CpuVector, HostRows, LinearOperator, Metric, Storage, Sum, Tiling, TransportOperator, WalkPlan,
@@ -86,6 +87,13 @@ impl GpuOperator {
             let _free = gpu.reserve(VECTORS * 12 * (plan.rows + plan.elements) as u64)?;
             let rows = on_host(Strategy::Assembled)?;
             Ok((Kept::new(gpu, rows.table(), plan.elements)?, rows))
+        };
+        let keep = || {
+            let programs = Program::of_kept_rows(channels == 3, gpu.tactics().interleaved);
+            std::thread::scope(|scope| {
+                scope.spawn(|| gpu.prepare(&programs));
+                keep()
+            })
         };
         let kept = match strategy {
             Strategy::MatrixFree => None,

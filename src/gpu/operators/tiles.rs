@@ -97,7 +97,10 @@ impl TileMetric {
     fn each(&self, operation: TileOperation, v: &GpuVector, step: Option<&BoundedStep<'_>>) {
         let unused = || self.unused.whole();
         for [channel, channels] in GpuVector::channels(&[v]) {
-            let variant = Variant::Tiles { colored: self.colored, channels, operation };
+            let colored = self.colored;
+            // To stretch is to read a tile once, and the memory of a workgroup has no room for a coloured one.
+            let held = self.gpu.tactics().holds_tiles && !colored && operation != TileOperation::Stretch;
+            let variant = Variant::Tiles { colored, channels, operation, held };
             let Some(part) = v.slabs([channel, channels]).next() else { continue };
             for slab in &self.slabs {
                 let bindings = [

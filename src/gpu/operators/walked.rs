@@ -81,7 +81,7 @@ impl Walked {
         let (gpu, deposits) = (&self.gpu, consumer != Kernel::Gather);
         for channels in GpuVector::channels(&vectors) {
             for part in &self.parts {
-                let walk = part.walk.over(channels[1], deposits && gpu.sums_near());
+                let walk = part.walk.over(channels[1], deposits && gpu.tactics().sums_near);
                 let program =
                     Program::new(consumer, Variant::Walk(walk, deposits.then_some(self.accumulation)));
                 let passed: Vec<_> = part.passed.iter().map(|memory| memory.whole()).collect();

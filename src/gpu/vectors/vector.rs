@@ -219,6 +219,15 @@ impl GpuVector {
         }
     }
 
+    /// Puts the channels of each element side by side, with a fourth number of zero, for kernels that look elements up anywhere.
+    pub(in crate::gpu) fn interleave(&self, together: &Allocation) {
+        for slab in self.slabs([0, 3]) {
+            let workgroups = self.workgroups(slab.len as u32, 1);
+            let bindings = [together.whole(), self.binding(slab)];
+            self.gpu.dispatch(Kernel::Interleave, &self.params(slab), &[&bindings], workgroups);
+        }
+    }
+
     /// Makes the same sums from two words of fixed point.
     pub(in crate::gpu) fn finish_fixed(&mut self, words: &[Self; 2], scales: &Allocation) {
         let [low, high] = words;
@@ -304,6 +313,17 @@ impl Vector for GpuVector {
 
     fn invert(&mut self) {
         self.each(Kernel::Invert, &[], [0.0; 3], [0.0; 3]);
+    }
+
+    fn extrapolate(&mut self, x: &Self, factor: Scalars) {
+        self.each(Kernel::Extrapolate, &[x], factor, [0.0; 3]);
+    }
+
+    fn step_within(&mut self, factor: Scalars, x: &Self, y: &Self, bounds: &Bounds) {
+        let c = numbers(factor);
+        self.each_with(Kernel::StepWithin, &[x, y], |slab, params| {
+            VectorParams { c, ..params }.within(bounds, slab)
+        });
     }
 
     fn clamp(&mut self, bounds: &Bounds) {

@@ -10,7 +10,7 @@ mod twins;
 mod vectors;
 mod volume;
 
-use unscatter::gpu::{Choice, Gpu};
+use unscatter::gpu::{Choice, Gpu, Tactics};
 use unscatter::operator::{CpuVector, Indexed, LinearOperator, Vector};
 
 use crate::scenes::Numbers;
@@ -23,6 +23,11 @@ pub fn gpu() -> Gpu {
 /// Any adapter, that lets kernels see so many bytes of a buffer.
 pub fn narrow(binding_limit: u64) -> Gpu {
     open(Choice { binding_limit: Some(binding_limit), ..Choice::default() })
+}
+
+/// Any adapter, used as hardware is.
+pub fn as_on_hardware() -> Gpu {
+    open(Choice { tactics: Some(Tactics::HARDWARE), ..Choice::default() })
 }
 
 /// The adapter that UNSCATTER_ADAPTER names a part of, else any.

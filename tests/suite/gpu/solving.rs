@@ -11,7 +11,7 @@ use unscatter::problem::{Assessor, LightMapProblem, Problem, Solved, evenly, sol
 use unscatter::scene::{MetricName, RegularizationWeight, Rgb, Scene, SolverName, Strategy};
 use unscatter::solve::Control;
 
-use super::{device, gpu, narrow, open, random, relative_difference};
+use super::{as_on_hardware, device, gpu, narrow, open, random, relative_difference};
 use crate::scenes::Numbers;
 use crate::tolerances::{DEVICE_LIGHT_MAP, DEVICE_OBJECTIVE, DEVICE_TILES};
 
@@ -97,7 +97,7 @@ fn tiles<const C: usize>(gpu: &Gpu) {
 #[ignore = "needs a graphics adapter; ./test.sh brings one"]
 fn tiles_are_those_of_the_twin() {
     // All at once; a channel at a time and few tiles at once.
-    for gpu in [gpu(), narrow(64 * 64 * 3 * 4)] {
+    for gpu in [gpu(), as_on_hardware(), narrow(64 * 64 * 3 * 4)] {
         tiles::<1>(&gpu);
         tiles::<3>(&gpu);
     }

@@ -8,7 +8,7 @@ use unscatter::operator::{CpuVector, LinearOperator, RowTable, Vector, WalkPlan,
 use unscatter::scene::{Basis, Quadrature, Strategy as Storage};
 use unscatter::sparse::ExplicitMatrix;
 
-use super::{gpu, narrow, open, products, random, relative_difference};
+use super::{as_on_hardware, gpu, narrow, open, products, random, relative_difference};
 use crate::scenes;
 use crate::tolerances::{ADJOINT_F32, AGAINST_EXPLICIT};
 
@@ -64,13 +64,13 @@ thread_local! {
     static WALKS: [(Gpu, bool); 7] = [
         (gpu(), false),
         (gpu(), true),
-        (open(Choice { sums_near: Some(true), ..Choice::default() }), false),
-        (open(Choice { sums_near: Some(true), ..Choice::default() }), true),
+        (as_on_hardware(), false),
+        (as_on_hardware(), true),
         (open(Choice { without_float_atomics: true, ..Choice::default() }), false),
         (narrow(4096), false),
         (narrow(4096), true),
     ];
-    static WHOLE_AND_NARROW: [Gpu; 2] = [gpu(), narrow(2048)];
+    static WHOLE_AND_NARROW: [Gpu; 3] = [gpu(), as_on_hardware(), narrow(2048)];
 }
 
 proptest! {
@@ -129,10 +129,13 @@ fn squares_are_the_diagonal_of_the_normal_matrix() {
     for colored in [false, true] {
         let traversal = traversal(11, 200, Basis::Bilinear, Quadrature::Exact, colored);
         let elements = traversal.transport().light_map.len();
-        let near = || open(Choice { sums_near: Some(true), ..Choice::default() });
-        for (gpu, deterministic) in
-            [(gpu(), false), (gpu(), true), (near(), false), (near(), true), (narrow(4096), false)]
-        {
+        for (gpu, deterministic) in [
+            (gpu(), false),
+            (gpu(), true),
+            (as_on_hardware(), false),
+            (as_on_hardware(), true),
+            (narrow(4096), false),
+        ] {
             let walked = Walked::light_map(&gpu, &traversal, colored, deterministic).unwrap();
             let kept = Kept::new(&gpu, table(&traversal, colored), elements).unwrap();
             let mut y = random(walked.range(), 3);
@@ -271,16 +274,17 @@ fn columns_that_every_row_meets_are_cut_up() {
     let one = traversal(31, 64, Basis::Bilinear, Quadrature::Exact, false);
     let row = (0..64).find(|&row| one.inside_weight(row)[0] > 1e-3).unwrap();
     let crowd = LightMapTraversal::new(one.transport().clone(), vec![one.rays()[row]; 10_000].into());
-    let gpu = gpu();
-    let kept = Kept::new(&gpu, table(&crowd, false), crowd.transport().light_map.len()).unwrap();
     let truth = products(&explicit(&crowd, false), 3);
-    agree(&products(&kept, 3), &truth).unwrap();
-    let mut squares = kept.domain();
-    let mut ones = kept.range();
-    ones.fill([1.0; 3]);
-    kept.squares(&ones, &mut squares).unwrap();
-    let truth = true_squares(&crowd, &ones.to_host().unwrap());
-    assert!(relative_difference(&squares.to_host().unwrap(), &truth) <= AGAINST_EXPLICIT);
+    for gpu in [gpu(), as_on_hardware(), narrow(1 << 16)] {
+        let kept = Kept::new(&gpu, table(&crowd, false), crowd.transport().light_map.len()).unwrap();
+        agree(&products(&kept, 3), &truth).unwrap();
+        let mut squares = kept.domain();
+        let mut ones = kept.range();
+        ones.fill([1.0; 3]);
+        kept.squares(&ones, &mut squares).unwrap();
+        let truth = true_squares(&crowd, &ones.to_host().unwrap());
+        assert!(relative_difference(&squares.to_host().unwrap(), &truth) <= AGAINST_EXPLICIT);
+    }
 }
 
 #[test]

@@ -49,6 +49,7 @@ fn changes<V: Indexed>(prototype: &V, len: usize) -> Vec<(&'static str, Vec<[f64
     });
     see("scale", &|mine| mine.scale([0.0, 3.0, -1.0]));
     see("multiply", &|mine| mine.multiply(&y));
+    see("extrapolate", &|mine| mine.extrapolate(&y, [0.3, -1.5, 0.0]));
     see("invert", &|mine| {
         mine.clamp(&Bounds::NOT_NEGATIVE);
         mine.invert();
@@ -60,6 +61,7 @@ fn changes<V: Indexed>(prototype: &V, len: usize) -> Vec<(&'static str, Vec<[f64
         see("hold", &|mine| mine.hold(&x, &y, &bounds));
         see("hold_at_bounds", &|mine| mine.hold_at_bounds(&x, &bounds));
         see("shorten", &|mine| mine.shorten(&x, &bounds));
+        see("step_within", &|mine| mine.step_within([-0.3, 2.0, 0.0], &y, &x, &bounds));
         see("descend", &|mine| {
             let mut scale = prototype.zeros(len);
             scale.fill([0.5, 2.0, 4.0]);
