@@ -73,6 +73,20 @@ if has_adapter; then
   [ "$code" -eq 3 ] && grep -q "there is no graphics card" "$out/told" || { cat "$out/told"; exit 1; }
 fi
 
+say "the studio in a browser"
+browser() { command -v chromium || command -v chromium-browser || command -v google-chrome; }
+if ! browser >/dev/null && command -v apt-get >/dev/null; then
+  say "installing Chromium"
+  install chromium || true
+fi
+has_playwright() { python3 -m venv "$out/venv" && "$out/venv/bin/pip" install --quiet playwright; }
+if browser >/dev/null && { has_playwright || { install python3-venv && has_playwright; }; }; then
+  cargo build --locked --release --quiet
+  "$out/venv/bin/python" tests/studio/drive.py "${CARGO_TARGET_DIR:-target}/release/unscatter"
+else
+  say "no Chromium or no Playwright: the studio is not seen in a browser"
+fi
+
 say "tests without the GPU backend"
 cargo test --locked --release --no-default-features --features cli --lib --bins --test march --test suite
 

@@ -35,7 +35,15 @@ fn barn() -> unscatter::Result<Mesh> {
 
 /// A stroke of 12 pixels half width; the colour is linear.
 fn stroke(points: [[f32; 2]; 2], color: [f32; 3]) -> Stroke {
-    Stroke { points: points.to_vec(), radius: 12.0, hardness: 0.8, opacity: 1.0, weight: 1.0, color }
+    Stroke {
+        points: points.to_vec(),
+        radius: 12.0,
+        hardness: 0.8,
+        opacity: 1.0,
+        weight: 1.0,
+        erases: false,
+        color,
+    }
 }
 
 /// The barn from inside, two of its shafts painted.

@@ -37,7 +37,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     visits = 0u;
     walk(id.x);
     total += part;
-    for (var c = 0u; c < CHANNELS; c++) {
-        y[c * parameters.y_stride + parameters.y_first + id.x] += total[c];
+    let row = parameters.y_first + id.x;
+    y[row] += total.x;
+    if CHANNELS == 3u {
+        y[parameters.y_stride + row] += total.y;
+        y[2u * parameters.y_stride + row] += total.z;
     }
 }

@@ -190,8 +190,10 @@ fn main(
         }
     }
     if is_member {
-        for (var c = 0u; c < CHANNELS; c++) {
-            v[c * params.stride + i] = g[c];
+        v[i] = g.x;
+        if CHANNELS == 3u {
+            v[params.stride + i] = g.y;
+            v[2u * params.stride + i] = g.z;
         }
     }
 }

@@ -18,6 +18,8 @@ pub mod scene;
 mod simd;
 pub mod solve;
 pub mod sparse;
+#[cfg(feature = "studio")]
+pub mod studio;
 pub mod visibility;
 mod warning;
 

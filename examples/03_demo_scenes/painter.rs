@@ -78,7 +78,15 @@ fn stroke(
         _ => shaft.color,
     };
     let radius = tenths((brush * radius).max(2.0));
-    Some(Stroke { points, radius, hardness: 0.8, opacity: 1.0, weight: 1.0, color: Paint::Hex(color) })
+    Some(Stroke {
+        points,
+        radius,
+        hardness: 0.8,
+        opacity: 1.0,
+        weight: 1.0,
+        erase: false,
+        color: Paint::Hex(color),
+    })
 }
 
 /// Where a point of a shaft is in the picture and how wide the shaft is there, in pixels; none when it is hidden or

@@ -64,9 +64,16 @@ fn window_jump(moved: vec2<i32>) {
 }
 
 fn window_shift(place: vec2<i32>, moved: vec2<i32>, weight: Weight) {
+    // By numbers that are constant: an array that is looked up otherwise is in no register.
     let to = place - moved;
-    if all(to >= vec2(0)) && all(to < vec2(2)) {
-        taps[to.y * 2 + to.x] = weight;
+    if all(to == vec2(0, 0)) {
+        taps[0] = weight;
+    } else if all(to == vec2(1, 0)) {
+        taps[1] = weight;
+    } else if all(to == vec2(0, 1)) {
+        taps[2] = weight;
+    } else if all(to == vec2(1, 1)) {
+        taps[3] = weight;
     } else {
         window_leave(place - 1, weight);
     }

@@ -30,6 +30,9 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    /// Paint on the views of a scene in the browser, and see the light shafts follow.
+    #[cfg(feature = "studio")]
+    Paint(PaintArguments),
     /// Find the light map behind painted strokes.
     LightMap(LightMapArguments),
     /// Find the emission, albedo or extinction of a volume behind target pictures, or the light around it.
@@ -84,6 +87,23 @@ pub(crate) struct BackendArguments {
     /// only when named.
     #[arg(long, value_name = "NAME")]
     pub(crate) adapter: Option<String>,
+}
+
+#[cfg(feature = "studio")]
+#[derive(Debug, Args)]
+pub(crate) struct PaintArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    /// The port of this machine that the page is served on; any free one by default.
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub(crate) port: u16,
+    /// Do not open the browser; the address is printed.
+    #[arg(long)]
+    pub(crate) no_open: bool,
+    #[command(flatten)]
+    pub(crate) backend: BackendArguments,
+    #[command(flatten)]
+    pub(crate) output: OutputArguments,
 }
 
 #[derive(Debug, Args)]

@@ -3,14 +3,20 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+#[cfg(feature = "studio")]
+use super::args::PaintArguments;
 use super::args::{
     AnimateArguments, BackendArguments, LightMapArguments, MatrixArguments, OnlyLight, OutputArguments,
     RenderArguments, SceneArguments, SolveArguments, VolumeArguments,
 };
 use super::bar::Bar;
+#[cfg(feature = "studio")]
+use super::out::remark;
 use super::{Done, FAULT, Manners, watch_interrupt, words};
 use crate::io::scene_file::{SceneFile, Subject};
 use crate::io::to_json;
+#[cfg(feature = "studio")]
+use crate::job::Stop;
 use crate::job::{EngineChoice, Job, Options, Scenes, Written};
 use crate::problem::DrawnLight;
 use crate::{Error, Result};
@@ -22,9 +28,13 @@ impl SceneArguments {
     }
 
     fn job(&self, file: &SceneFile, flags: &[String]) -> Result<Job> {
+        Job::of_file(file, &self.overrides(flags))
+    }
+
+    /// Its overrides and those that flags stand for.
+    fn overrides(&self, flags: &[String]) -> Vec<String> {
         let memory = self.memory.iter().map(|size| format!("solve.memory=\"{size}\""));
-        let overrides: Vec<String> = self.overrides.iter().chain(flags).cloned().chain(memory).collect();
-        Job::of_file(file, &overrides)
+        self.overrides.iter().chain(flags).cloned().chain(memory).collect()
     }
 
     /// As [`Self::open`], for a command that finds the light or the medium of one kind of scene only. The kind comes
@@ -102,6 +112,34 @@ fn solved(
     bar.finish();
     manners.print(&report.to_json()?, &words::of_report(&report, &folder, manners.numbers))?;
     Ok(if is_interrupted { Done::Interrupted } else { Done::Completely })
+}
+
+/// `unscatter paint`: the studio, until Ctrl-C.
+#[cfg(feature = "studio")]
+pub(super) fn paint(arguments: &PaintArguments, manners: &Manners) -> Result<Done> {
+    use crate::studio::Studio;
+    let scene = &arguments.scene;
+    let stop = Stop::default();
+    watch_interrupt(&stop, None)?;
+    let studio = Studio {
+        scene: scene.scene.clone(),
+        overrides: scene.overrides(&[]),
+        engine: arguments.backend.choice(),
+        folder: arguments.output.folder(&scene.scene),
+        port: arguments.port,
+    };
+    if !manners.quiet {
+        remark("reading the scene and keeping the rows of its previews…\n");
+    }
+    studio.serve(&stop, |address| {
+        let words = format!("the studio is open at {address}\nCtrl-C closes it");
+        // Whoever cannot read it does not need it.
+        _ = manners.print(&serde_json::json!({ "address": address }).to_string(), &words);
+        if !arguments.no_open && open::that_detached(address).is_err() {
+            remark("no browser could be opened; open the address in one\n");
+        }
+    })?;
+    Ok(Done::Completely)
 }
 
 /// `unscatter light-map`: from painted strokes to a light map, pictures and a report.

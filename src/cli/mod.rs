@@ -129,6 +129,8 @@ fn quieten_caught_panics() {
 
 fn run(command: &Command, manners: &Manners) -> Result<Done> {
     match command {
+        #[cfg(feature = "studio")]
+        Command::Paint(arguments) => commands::paint(arguments, manners),
         Command::LightMap(arguments) => commands::light_map(arguments, manners),
         Command::Volume(arguments) => commands::volume(arguments, manners),
         Command::Animate(arguments) => commands::animate(arguments, manners),
@@ -190,7 +192,12 @@ fn on_interrupt(asked: impl Fn() + Send + 'static) -> Result<(), ctrlc::Error> {
 }
 
 fn watch_verbosity(arguments: &Arguments) {
-    let level = match (arguments.quiet, arguments.verbose) {
+    // The studio tells its page what others tell the terminal, and after every stroke.
+    #[cfg(feature = "studio")]
+    let is_quiet = arguments.quiet || matches!(arguments.command, Command::Paint(_));
+    #[cfg(not(feature = "studio"))]
+    let is_quiet = arguments.quiet;
+    let level = match (is_quiet, arguments.verbose) {
         (true, _) => tracing::Level::ERROR,
         (_, 0) => tracing::Level::WARN,
         (_, 1) => tracing::Level::INFO,

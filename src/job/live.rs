@@ -10,11 +10,12 @@ use super::observer::Stop;
 use super::{Job, Options};
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuOperator;
-use crate::operator::{CpuVector, OnHost, TransportOperator};
+use crate::operator::{CpuVector, FromHost, NOWHERE, OnHost, TransportOperator};
 use crate::problem::{
-    Begin, LightMapProblem, Painting, Paused, Problem, Solved, Traced, fit, minimize, paint, pixels, render,
+    Backdrop, Begin, LightMapProblem, Painting, Paused, Problem, Solved, Traced, fit, minimize, paint,
+    pixels, render,
 };
-use crate::scene::{Image, MapSettings, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View};
+use crate::scene::{Extent, Image, MapSettings, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View, rgb};
 use crate::solve::StopReason;
 use crate::visibility::Geometry;
 use crate::{Error, Result};
@@ -71,6 +72,27 @@ pub struct LiveJob {
     /// Applications that setting up took after the last change.
     set_up: usize,
     stop: Stop,
+    /// What pictures need beside products with rows, once there were some.
+    still: Option<Arc<Still>>,
+}
+
+/// What of all pictures does not change.
+struct Still {
+    backdrops: Vec<Backdrop>,
+    /// T x₀.
+    start: Vec<Rgb>,
+    /// The row of each pixel, view by view; [`NOWHERE`] for none.
+    rows: Vec<Vec<u32>>,
+}
+
+/// All previews under the light map as it is; made by [`LiveJob::pictures`].
+pub struct LivePictures<'a> {
+    live: &'a LiveJob,
+    still: Arc<Still>,
+    /// T (x − x₀).
+    scattered: Vec<Rgb>,
+    /// How far the texels differ from the plain light.
+    texels: Vec<Rgb>,
 }
 
 /// T of all pixels, where it is kept.
@@ -125,12 +147,25 @@ impl LiveJob {
             paused: None,
             set_up: 0,
             stop,
+            still: None,
         })
     }
 
     /// The names of the views.
     pub fn views(&self) -> impl Iterator<Item = &str> {
         self.scene.views.iter().map(|view| view.name.as_str())
+    }
+
+    /// Width and height of a view's preview.
+    ///
+    /// Errors: [`Error::Value`] for a view that there is not.
+    pub fn size(&self, view: &str) -> Result<[usize; 2]> {
+        Ok(self.scene.views[self.view(view)?].camera.size())
+    }
+
+    /// Where the light map lies, which no stroke moves.
+    pub fn extent(&self) -> Extent {
+        self.problem.maps.light_map.extent
     }
 
     /// The strokes of a view, in pixels of the preview.
@@ -155,6 +190,18 @@ impl LiveJob {
         let stroke = scaled(stroke, self.scales[index]);
         self.change(index, |strokes| {
             strokes.push(stroke);
+            Ok(())
+        })
+    }
+
+    /// Paints a view anew: these strokes and no others.
+    ///
+    /// Errors: as [`Self::paint`].
+    pub fn repaint(&mut self, view: &str, strokes: Vec<Stroke>) -> Result<()> {
+        let index = self.view(view)?;
+        let scale = self.scales[index];
+        self.change(index, |mine| {
+            *mine = strokes.into_iter().map(|stroke| scaled(stroke, scale)).collect();
             Ok(())
         })
     }
@@ -277,6 +324,54 @@ impl LiveJob {
         Ok(render(&self.scene, &self.problem.maps, Some(&self.x), index)?.after)
     }
 
+    /// The pictures of all views under the light map as it is, by one product with the rows that are kept. The first takes as long as drawing
+    /// them.
+    ///
+    /// Errors: [`Error::Empty`] where lights around the scene are looked for, too: [`Self::picture`] has those; those of the rows.
+    pub fn pictures(&mut self) -> Result<LivePictures<'_>> {
+        if self.scene.surroundings.is_some() {
+            return Err(Error::Empty {
+                reason: "previews show no lights around a scene that are looked for, too".to_owned(),
+                remedy: "draw the views one by one, or leave `surroundings` away",
+            });
+        }
+        let still = match self.still.take() {
+            Some(still) => still,
+            None => Arc::new(self.still()?),
+        };
+        self.still = Some(still.clone());
+        let shown = self.shown(&self.x)?;
+        let difference = |all: &[Rgb], from: &dyn Fn(usize) -> Rgb| -> Vec<Rgb> {
+            let of = |(index, value): (usize, &Rgb)| rgb(|c| value[c] - from(index)[c]);
+            all.iter().enumerate().map(of).collect()
+        };
+        let scattered = difference(&shown, &|row| still.start[row]);
+        let texels = difference(self.problem.parted(&self.x)[0], &|_| self.problem.start);
+        Ok(LivePictures { live: self, still, scattered, texels })
+    }
+
+    fn still(&self) -> Result<Still> {
+        let views = 0..self.scene.views.len();
+        let backdrop = |view| Backdrop::new(&self.scene, &self.problem.maps, view);
+        let backdrops = views.map(backdrop).collect::<Result<Vec<_>>>()?;
+        let pixels = |backdrop: &Backdrop| backdrop.before().pixels.len();
+        let mut rows: Vec<Vec<u32>> = backdrops.iter().map(|it| vec![NOWHERE; pixels(it)]).collect();
+        for (row, pixel) in (0..).zip(&self.problem.constraints) {
+            let width = self.scene.views[pixel.view].camera.size()[0];
+            rows[pixel.view][pixel.y * width + pixel.x] = row;
+        }
+        Ok(Still { backdrops, start: self.shown(&self.problem.starts())?, rows })
+    }
+
+    /// T x.
+    fn shown(&self, x: &[Rgb]) -> Result<Vec<Rgb>> {
+        match &self.warm {
+            Warm::Cpu(operator) => operator.shown(x),
+            #[cfg(feature = "gpu")]
+            Warm::Gpu(operator) => operator.shown(x),
+        }
+    }
+
     /// What is painted on a view.
     ///
     /// Errors: [`Error::Value`] for a view that there is not.
@@ -298,6 +393,91 @@ impl LiveJob {
     fn view(&self, name: &str) -> Result<usize> {
         let index = self.scene.views.iter().position(|view| view.name == name);
         index.ok_or_else(|| Error::value("view", name, "the name of one of the scene's views"))
+    }
+}
+
+impl LivePictures<'_> {
+    fn row(&self, view: usize, pixel: usize) -> Option<usize> {
+        Some(self.still.rows[view][pixel]).filter(|&row| row != NOWHERE).map(|row| row as usize)
+    }
+
+    fn picture(&self, view: usize, mut color: impl FnMut(usize, Rgb) -> Rgb) -> Image {
+        let mut picture = self.before(view).clone();
+        picture.pixels.iter_mut().enumerate().for_each(|(pixel, shown)| *shown = color(pixel, *shown));
+        picture
+    }
+
+    /// A view under the plain light.
+    pub fn before(&self, view: usize) -> &Image {
+        self.still.backdrops[view].before()
+    }
+
+    /// A view under the light map.
+    pub fn after(&self, view: usize) -> Image {
+        let scattered = |pixel| self.row(view, pixel).map_or([0.0; 3], |row| self.scattered[row]);
+        self.still.backdrops[view].after(&self.texels, scattered)
+    }
+
+    /// What the paint asks for: the picture under the plain light, its scattered light replaced where it is painted.
+    pub fn target(&self, view: usize) -> Image {
+        let problem = &self.live.problem;
+        self.picture(view, |pixel, shown| {
+            let Some(row) = self.painted(view, pixel) else { return shown };
+            let (wanted, plain, weight) =
+                (problem.wanted(row), problem.plain[row], problem.constraints[row].weight.min(1.0));
+            rgb(|c| (shown[c] + weight * (wanted[c] - plain[c])).max(0.0))
+        })
+    }
+
+    /// How far the scattered light misses what is painted; black where nothing is.
+    pub fn difference(&self, view: usize) -> Image {
+        self.picture(view, |pixel, _| {
+            let Some(row) = self.painted(view, pixel) else { return [0.0; 3] };
+            let weight = self.live.problem.constraints[row].weight.min(1.0);
+            self.missed(row).map(|missed| weight * missed.abs())
+        })
+    }
+
+    fn painted(&self, view: usize, pixel: usize) -> Option<usize> {
+        self.row(view, pixel).filter(|&row| self.live.problem.constraints[row].is_painted())
+    }
+
+    /// Scattered radiance of a row less what is wanted of it.
+    fn missed(&self, row: usize) -> Rgb {
+        let (plain, wanted) = (self.live.problem.plain[row], self.live.problem.wanted(row));
+        rgb(|c| plain[c] + self.scattered[row][c] - wanted[c])
+    }
+
+    /// The pixels of a view that light through the light map reaches: what paint can change.
+    pub fn reached(&self, view: usize) -> Vec<bool> {
+        let is_lit = |row: usize| self.still.start[row].iter().any(|&radiance| radiance > 0.0);
+        (0..self.still.rows[view].len()).map(|pixel| self.row(view, pixel).is_some_and(is_lit)).collect()
+    }
+
+    /// The share of the paint that is met: 1 less what is missed, relative to what was missed under the plain light. None where nothing is
+    /// painted.
+    pub fn met(&self) -> Option<f64> {
+        let problem = &self.live.problem;
+        let (mut missed, mut plain) = (0.0, 0.0);
+        for (row, pixel) in problem.constraints.iter().enumerate().filter(|(_, pixel)| pixel.is_painted()) {
+            let (now, wanted) = (self.missed(row), problem.wanted(row));
+            for c in 0..3 {
+                missed += f64::from(pixel.weight * now[c] * now[c]);
+                plain += f64::from(pixel.weight * (problem.plain[row][c] - wanted[c]).powi(2));
+            }
+        }
+        (plain > 0.0).then(|| 1.0 - (missed / plain).sqrt())
+    }
+
+    /// The tint that a pixel has: its scattered light relative to that of the plain light; white where there is none.
+    pub fn tint(&self, view: usize, [x, y]: [usize; 2]) -> Rgb {
+        let [width, height] = self.before(view).size();
+        let Some(row) = self.row(view, y.min(height - 1) * width + x.min(width - 1)) else { return [1.0; 3] };
+        let plain = self.live.problem.plain[row];
+        rgb(|c| match plain[c] {
+            plain if plain > 0.0 => ((plain + self.scattered[row][c]) / plain).max(0.0),
+            _ => 1.0,
+        })
     }
 }
 

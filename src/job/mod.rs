@@ -53,10 +53,11 @@ pub(crate) use asked::AskedProblem;
 pub(crate) use compute::device;
 pub(crate) use engine::Engine;
 pub use engine::{Backend, EngineChoice};
+pub(crate) use exposure::readable;
 pub(crate) use folder::Folder;
 #[cfg(feature = "cli")]
 pub(crate) use folder::abandon;
-pub use live::{LiveJob, Preview, Standing};
+pub use live::{LiveJob, LivePictures, Preview, Standing};
 pub use matrix::Exported;
 #[cfg(feature = "cli")]
 pub(crate) use memory::mebibytes;
@@ -373,7 +374,7 @@ fn draw(
         drawn.push(render_light(scene, &maps, texels, view, light)?);
         steps.advance(view as u64 + 1, "");
     }
-    let exposure = scene.exposure.unwrap_or_else(|| exposure::readable(drawn.iter().map(|it| &it.before)));
+    let exposure = scene.exposure.unwrap_or_else(|| readable(drawn.iter().map(|it| &it.before)));
     for (seen, drawn) in scene.views.iter().zip(drawn) {
         folder.write_picture(&seen.name, &drawn.after, exposure)?;
         names.push(format!("{}.png", seen.name));

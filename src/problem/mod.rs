@@ -41,7 +41,7 @@ pub use painting::{Painting, paint};
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;
 pub use reach::{OutOfReach, held_back};
-pub use render::{DrawnLight, Rendering, render, render_light};
+pub use render::{Backdrop, DrawnLight, Rendering, render, render_light};
 pub use sky::SkyBeam;
 pub use solution::{Begin, Paused, Snapshot, SystemOperator, measure, method, minimize, solve, vectors};
 pub use solved::Solved;

@@ -51,6 +51,8 @@ pub struct Painting {
 /// strength and weight are mixed by it as a colour is by opacity. Opacities below 1/512 become 0. Layers have a weight of 1, and their alpha is
 /// opacity, strength and coverage.
 ///
+/// A stroke that erases takes away the share of opacity, strength and coverage that it would put on.
+///
 /// A stroke covers all inside hardness · radius, and from there its coverage falls linearly to 0 at its radius; its opacity there is its own
 /// times that. Its strength is its opacity times the coverage 4 pixels farther inside: a narrow edge is one that light need not have, and
 /// asks for the whole colour with less weight, while a wide one asks for a gradient. Both radii are measured by the exact distance from its polyline, so caps and joins are round and a stroke that crosses itself is no
@@ -163,6 +165,12 @@ impl Pixel {
             coverage,
             weight: mix(weight, self.weight, of_weight),
         };
+    }
+
+    fn take_away(&mut self, [opacity, strength, coverage]: [f32; 3]) {
+        self.opacity *= 1.0 - opacity;
+        self.strength *= 1.0 - strength;
+        self.coverage *= 1.0 - coverage;
     }
 }
 
@@ -352,13 +360,18 @@ impl Band<'_> {
     fn put_over(
         &mut self,
         columns: Range<usize>,
-        Stroke { color, opacity, weight, .. }: &Stroke,
+        Stroke { color, opacity, weight, erases, .. }: &Stroke,
         mut coverage: impl FnMut(usize, usize) -> [f32; 2],
     ) {
         for (y, row) in self.pixels.chunks_mut(self.width).enumerate() {
             for (x, pixel) in columns.clone().zip(&mut row[columns.clone()]) {
                 let [coverage, inside] = coverage(x, self.top + y);
-                pixel.put_over(*color, *weight, [opacity * coverage, opacity * inside, coverage]);
+                match erases {
+                    true => pixel.take_away([opacity * coverage, opacity * inside, opacity * coverage]),
+                    false => {
+                        pixel.put_over(*color, *weight, [opacity * coverage, opacity * inside, coverage])
+                    }
+                }
             }
         }
     }
@@ -380,6 +393,7 @@ mod tests {
             hardness: 1.0,
             opacity: 1.0,
             weight: 1.0,
+            erases: false,
             color: [0.2, 0.5, 2.0],
         }
     }
@@ -395,6 +409,31 @@ mod tests {
 
     fn area(painting: &RgbaImage) -> f64 {
         painting.pixels.iter().map(|p| f64::from(p[3])).sum()
+    }
+
+    #[test]
+    fn what_is_erased_is_as_if_it_had_not_been_painted_and_half_of_it_is_half() {
+        let on = |strokes: Vec<Stroke>| paint(&view([32, 32], strokes)).unwrap();
+        let paint_all = stroke(&[[16.0, 16.0]], 60.0);
+        let eraser = |opacity| Stroke { erases: true, opacity, ..stroke(&[[8.0, 16.0]], 7.0) };
+        let painted = on(vec![paint_all.clone()]);
+        let half = on(vec![paint_all.clone(), eraser(0.5)]);
+        let whole = on(vec![paint_all.clone(), eraser(1.0)]);
+        let (middle, beside) = (16 * 32 + 8, 16 * 32 + 28);
+        assert_eq!(whole.colors.pixels[middle], [0.0; 4]);
+        assert_eq!((whole.strengths[middle], whole.coverage[middle]), (0.0, 0.0));
+        assert_eq!((half.strengths[middle], half.coverage[middle]), (0.5, 0.5));
+        assert_eq!(half.colors.pixels[middle][..3], painted.colors.pixels[middle][..3]);
+        for erased in [&half, &whole] {
+            assert_eq!(erased.colors.pixels[beside], painted.colors.pixels[beside]);
+            assert_eq!(erased.strengths[beside], painted.strengths[beside]);
+        }
+        // Paint on top of what was erased is paint.
+        let again = on(vec![paint_all.clone(), eraser(1.0), stroke(&[[8.0, 16.0]], 3.0)]);
+        assert_eq!(again.colors.pixels[middle], painted.colors.pixels[middle]);
+        // The rim of an eraser takes a part away.
+        let rim = (0..1024).filter(|&k| (0.0..1.0).contains(&whole.coverage[k]) && whole.coverage[k] > 0.0);
+        assert!(rim.count() > 10);
     }
 
     #[test]

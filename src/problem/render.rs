@@ -76,6 +76,49 @@ pub fn render_light(
     Ok(Rendering { before: picture(0)?, after: picture(1)? })
 }
 
+/// What the pixels of a view show under the plain light, and which texels light the surfaces there: all of a picture but what the medium
+/// scatters under another light map, which is a product with rows of its pixels.
+#[derive(Debug, Clone)]
+pub struct Backdrop {
+    before: Image,
+    /// Of each pixel the texels that light its surface, and what it shows of them.
+    surfaces: Vec<Option<(Corners, Rgb)>>,
+}
+
+impl Backdrop {
+    /// Of a view of a scene whose lights around are not looked for.
+    ///
+    /// Errors: as [`render`].
+    pub fn new(scene: &Scene, maps: &Maps, view: usize) -> Result<Self> {
+        let camera = &scene.views[view].camera;
+        let [width, height] = camera.size();
+        let surface = |index: usize| {
+            let seen = Seen::along(maps, camera.pixel_ray(index % width, index / width));
+            let (point, share) = seen.reflected(scene, maps, -scene.light.direction)?;
+            Corners::around(maps, scene.solve.basis, point).map(|corners| (corners, share))
+        };
+        let surfaces = (0..width * height).into_par_iter().map(surface).collect();
+        Ok(Self { before: render(scene, maps, None, view)?.before, surfaces })
+    }
+
+    /// The picture under the plain light.
+    pub fn before(&self) -> &Image {
+        &self.before
+    }
+
+    /// The picture under a light map, from how far its texels differ from the plain light, and what more the medium scatters in each
+    /// pixel.
+    pub fn after(&self, texels: &[Rgb], scattered: impl Fn(usize) -> Rgb + Sync) -> Image {
+        let mut picture = self.before.clone();
+        picture.pixels.par_iter_mut().enumerate().for_each(|(index, pixel)| {
+            let more = scattered(index);
+            let surface = self.surfaces[index].as_ref().map(|(at, share)| (at.value(texels), share));
+            *pixel = rgb(|c| pixel[c] + more[c] + surface.map_or(0.0, |(light, share)| light[c] * share[c]));
+        });
+        picture
+    }
+}
+
 /// A light map and the further elements behind its texels, as differences from their start.
 struct Changed {
     difference: Vec<Rgb>,

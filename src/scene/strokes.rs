@@ -13,6 +13,8 @@ pub struct Stroke {
     pub opacity: f32,
     /// Weight of its pixels in the solve, in (0, 1].
     pub weight: f32,
+    /// Whether it takes paint away, of what is below it, instead of putting some on; its colour and weight say nothing then.
+    pub erases: bool,
     /// The desired colour, linear: dimensionless for `tint`, radiance for `radiance`.
     pub color: Rgb,
 }

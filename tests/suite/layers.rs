@@ -25,7 +25,7 @@ const CRATE: Layers = Layers {
         &["problem"],
         &["report"],
         &["job"],
-        &["lab"],
+        &["lab", "studio"],
         &["lib", "cli", "main"],
     ],
 };

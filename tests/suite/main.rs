@@ -29,6 +29,8 @@ mod render;
 mod scenes;
 mod solve;
 mod split_rows;
+#[cfg(feature = "studio")]
+mod studio;
 mod surroundings;
 mod threads;
 #[path = "../tolerances.rs"]

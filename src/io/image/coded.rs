@@ -43,6 +43,18 @@ pub(super) fn png_bytes(image: &Image, exposure: f64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// 8-bit sRGB with an alpha of 255, for screens.
+#[cfg(feature = "studio")]
+pub(super) fn rgba_bytes(image: &Image, scale: f64) -> Vec<u8> {
+    let mut codes = vec![255; 4 * image.pixels.len()];
+    codes.par_chunks_exact_mut(4).zip(&image.pixels).for_each(|(code, pixel)| {
+        for (code, &linear) in code.iter_mut().zip(pixel) {
+            *code = code_from_linear((f64::from(linear) * scale).clamp(0.0, 1.0) as f32);
+        }
+    });
+    codes
+}
+
 /// Expects a picture that can be written.
 pub(super) fn hdr_bytes(image: &Image) -> Result<Vec<u8>> {
     if let Some(pixel) = image.pixels.iter().find(|pixel| pixel.iter().any(|&value| value < 0.0)) {

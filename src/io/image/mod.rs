@@ -35,6 +35,12 @@ pub fn png_bytes(image: &Image, exposure: f64) -> Result<Vec<u8>> {
     coded::png_bytes(image, exposure)
 }
 
+/// The picture in 8-bit sRGB with an alpha of 255, pixel by pixel, brightened by a factor, for screens.
+#[cfg(feature = "studio")]
+pub(crate) fn rgba_bytes(image: &Image, scale: f64) -> Vec<u8> {
+    coded::rgba_bytes(image, scale)
+}
+
 /// Writes the picture as an 8-bit sRGB PNG, brightened by `exposure` stops.
 ///
 /// Errors: as [`png_bytes`], and [`Error::File`].

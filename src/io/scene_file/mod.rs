@@ -8,6 +8,7 @@ mod assets;
 mod channels;
 mod defaults;
 mod document;
+pub mod edit;
 mod exposure;
 mod file_name;
 mod flaw;

@@ -29,6 +29,11 @@ impl SceneFile {
         Ok(Self { path, bytes })
     }
 
+    /// A text that stands for the file at `path`, such as one that is edited and not saved yet.
+    pub fn of(path: impl Into<PathBuf>, text: impl Into<String>) -> Self {
+        Self { path: path.into(), bytes: text.into().into_bytes() }
+    }
+
     /// What it is called.
     pub fn path(&self) -> &Path {
         &self.path

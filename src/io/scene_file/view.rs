@@ -156,6 +156,10 @@ pub struct Stroke {
     #[serde(default = "Stroke::default_weight", skip_serializing_if = "Stroke::is_default_weight")]
     #[schemars(!skip_serializing_if)]
     pub weight: f64,
+    /// Whether it takes paint away from what is below it, layers included, instead of putting some on. Its colour and weight say nothing then.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(!skip_serializing_if)]
+    pub erase: bool,
     /// The desired colour: "#rrggbb" in sRGB, or [r, g, b] in linear Rec. 709.
     pub color: Paint,
 }
@@ -284,8 +288,20 @@ impl Stroke {
             hardness: Self::default_hardness(),
             opacity: Self::default_opacity(),
             weight: Self::default_weight(),
+            erase: false,
             color,
         }
+    }
+
+    /// The stroke on a picture of this size.
+    ///
+    /// Errors: what is wrong with it, in words.
+    pub fn on(&self, size: [usize; 2]) -> Result<scene::Stroke, String> {
+        self.build(size).map_err(|flaw| match flaw {
+            Flaw::Document { path, problem } if path.is_empty() => problem,
+            Flaw::Document { path, problem } => format!("{path}: {problem}"),
+            Flaw::Machine(error) => error.to_string(),
+        })
     }
 
     fn build(&self, size: [usize; 2]) -> Built<scene::Stroke> {
@@ -311,6 +327,7 @@ impl Stroke {
             hardness: hardness as f32,
             opacity: opacity as f32,
             weight: weight as f32,
+            erases: self.erase,
             color,
         })
     }

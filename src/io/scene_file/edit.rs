@@ -1,0 +1,249 @@
+//! Changes in the text of a scene file that leave the rest of it as it is: its order, its spacing, its numbers as they were written.
+
+use std::ops::Range;
+
+use serde::Deserialize;
+use serde_json::value::RawValue;
+
+use super::map::Extent;
+use super::view::Stroke;
+use crate::{Error, Result};
+
+/// The parts of a scene that are edited, as they stand in its text.
+#[derive(Deserialize)]
+struct Parts<'t> {
+    #[serde(borrow)]
+    views: Vec<&'t RawValue>,
+    #[serde(borrow, default)]
+    light_map: Option<&'t RawValue>,
+}
+
+#[derive(Deserialize)]
+struct ViewParts<'t> {
+    #[serde(borrow, default)]
+    strokes: Option<&'t RawValue>,
+}
+
+#[derive(Deserialize)]
+struct LightMapParts<'t> {
+    #[serde(borrow, default)]
+    extent: Option<&'t RawValue>,
+}
+
+/// A change of a text.
+struct Splice {
+    at: Range<usize>,
+    by: String,
+}
+
+/// The strokes of each view of a scene, as its text has them.
+///
+/// Errors: [`Error::Machine`] for a text that is no scene with views; it has been read before.
+pub fn strokes(text: &str) -> Result<Vec<Vec<Stroke>>> {
+    let of_view = |view: &&RawValue| -> Result<Vec<Stroke>> {
+        let view: ViewParts<'_> = parsed(view.get())?;
+        view.strokes.map_or(Ok(Vec::new()), |strokes| parsed(strokes.get()))
+    };
+    parsed::<Parts<'_>>(text)?.views.iter().map(of_view).collect()
+}
+
+/// The text of a scene with other strokes, a list a view. Strokes that were there keep the text that they had.
+///
+/// Errors: as [`strokes`]; [`Error::Shape`] for another number of views.
+pub fn with_strokes(text: &str, strokes: &[Vec<Stroke>]) -> Result<String> {
+    let parts: Parts<'_> = parsed(text)?;
+    if parts.views.len() != strokes.len() {
+        return Err(Error::Shape { what: "the views", expected: parts.views.len(), got: strokes.len() });
+    }
+    let mut splices = Vec::new();
+    for (view, strokes) in parts.views.iter().zip(strokes) {
+        let known: ViewParts<'_> = parsed(view.get())?;
+        let written: Vec<&RawValue> = known.strokes.map_or(Ok(Vec::new()), |list| parsed(list.get()))?;
+        let before = written.iter().map(|stroke| parsed(stroke.get())).collect::<Result<Vec<Stroke>>>()?;
+        if before == *strokes {
+            continue;
+        }
+        let indent = indent_of_members(text, place(text, view.get()).start);
+        let line = |stroke: &Stroke| {
+            let kept = before.iter().position(|it| it == stroke).map(|index| written[index].get().to_owned());
+            kept.map_or_else(|| on_one_line(&serde_json::to_value(stroke)), Ok)
+        };
+        let lines = strokes.iter().map(line).collect::<Result<Vec<_>>>()?;
+        let list = match lines.is_empty() {
+            true => "[]".to_owned(),
+            false => {
+                format!("[\n{indent}  {}\n{indent}]", lines.join(&format!(",\n{indent}  ")))
+            }
+        };
+        splices.push(match known.strokes {
+            Some(strokes) => Splice { at: place(text, strokes.get()), by: list },
+            None => member(text, view.get(), "strokes", &list),
+        });
+    }
+    Ok(spliced(text, splices))
+}
+
+/// The text of a scene whose light map lies somewhere, where it did not say yet.
+///
+/// Errors: as [`strokes`].
+pub fn with_light_map_at(text: &str, extent: &Extent) -> Result<String> {
+    let parts: Parts<'_> = parsed(text)?;
+    let written = on_one_line(&serde_json::to_value(extent))?;
+    let splice = match parts.light_map {
+        None => member(text, text.trim(), "light_map", &format!("{{ \"extent\": {written} }}")),
+        Some(map) if parsed::<LightMapParts<'_>>(map.get())?.extent.is_none() => {
+            member(text, map.get(), "extent", &written)
+        }
+        Some(_) => return Ok(text.to_owned()),
+    };
+    Ok(spliced(text, vec![splice]))
+}
+
+fn parsed<'t, T: Deserialize<'t>>(text: &'t str) -> Result<T> {
+    serde_json::from_str(text).map_err(|error| Error::Machine(format!("the scene cannot be edited: {error}")))
+}
+
+/// Where a part of a text lies in it.
+fn place(text: &str, part: &str) -> Range<usize> {
+    let start = part.as_ptr() as usize - text.as_ptr() as usize;
+    start..start + part.len()
+}
+
+/// A member more at the end of an object.
+fn member(text: &str, object: &str, name: &str, value: &str) -> Splice {
+    let Range { start, end } = place(text, object);
+    let inside = &object[1..object.len() - 1];
+    let is_empty = inside.trim().is_empty();
+    let at = end - 1 - (inside.len() - inside.trim_end().len());
+    let comma = if is_empty { "" } else { "," };
+    // On a line of its own where the others are.
+    let space = match inside.contains('\n') {
+        true => format!("\n{}", indent_of_members(text, start)),
+        false => " ".to_owned(),
+    };
+    Splice { at: at..at, by: format!("{comma}{space}\"{name}\": {value}{}", if is_empty { " " } else { "" }) }
+}
+
+/// How far the members of an object are indented that begins at `start`: as the first of them is, else a little more than its line.
+fn indent_of_members(text: &str, start: usize) -> String {
+    let blank = |line: &str| line.chars().take_while(|c| *c == ' ' || *c == '\t').collect::<String>();
+    let behind = &text[start + 1..];
+    let to_first = behind.len() - behind.trim_start().len();
+    match behind[..to_first].rfind('\n') {
+        Some(at) => behind[at + 1..to_first].to_owned(),
+        None => {
+            let line = text[..start].rfind('\n').map_or(0, |at| at + 1);
+            format!("{}  ", blank(&text[line..]))
+        }
+    }
+}
+
+fn spliced(text: &str, mut splices: Vec<Splice>) -> String {
+    splices.sort_by_key(|splice| splice.at.start);
+    let mut edited = String::with_capacity(text.len());
+    let mut from = 0;
+    for Splice { at, by } in splices {
+        edited += &text[from..at.start];
+        edited += &by;
+        from = at.end;
+    }
+    edited + &text[from..]
+}
+
+/// JSON with a space behind each comma and colon and inside braces.
+fn on_one_line(value: &serde_json::Result<serde_json::Value>) -> Result<String> {
+    use serde_json::Value;
+    fn shown(value: &Value) -> String {
+        match value {
+            Value::Array(items) => {
+                format!("[{}]", items.iter().map(shown).collect::<Vec<_>>().join(", "))
+            }
+            Value::Object(members) => {
+                let members = members
+                    .iter()
+                    .map(|(name, value)| format!("{}: {}", Value::from(name.as_str()), shown(value)));
+                format!("{{ {} }}", members.collect::<Vec<_>>().join(", "))
+            }
+            // Whole numbers as people write them.
+            Value::Number(number) => match number.as_f64() {
+                Some(whole) if whole.fract() == 0.0 && whole.abs() < 1e15 => format!("{whole}"),
+                _ => number.to_string(),
+            },
+            other => other.to_string(),
+        }
+    }
+    match value {
+        Ok(value) => Ok(shown(value)),
+        Err(error) => Err(Error::Machine(format!("the scene cannot be edited: {error}"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::scene_file::Paint;
+
+    const TEXT: &str = r##"{
+    "version": 1,   "views": [
+      { "name": "a", "camera":{ "size":[64,48] }, "keep": 0.50 },
+      {
+        "name": "b",
+        "strokes": [ { "points": [[1, 2.0], [3e0, 4]],  "radius": 5, "color": "#f80" } ]
+      }
+    ],
+    "ambient": [0.10, 0.2, 0.30]
+}
+"##;
+
+    fn dab(x: f64) -> Stroke {
+        Stroke::new(vec![[x, 2.5]], 3.0, Paint::Hex([255, 136, 0]))
+    }
+
+    #[test]
+    fn what_is_not_edited_stays_byte_by_byte() {
+        let before = strokes(TEXT).unwrap();
+        assert_eq!([before[0].len(), before[1].len()], [0, 1]);
+        assert_eq!(with_strokes(TEXT, &before).unwrap(), TEXT);
+        let more = vec![vec![], vec![before[1][0].clone(), dab(9.0)]];
+        let edited = with_strokes(TEXT, &more).unwrap();
+        assert_eq!(strokes(&edited).unwrap(), more);
+        // The old stroke as it was written, and everything around the list.
+        assert!(edited.contains(r##"{ "points": [[1, 2.0], [3e0, 4]],  "radius": 5, "color": "#f80" }"##));
+        assert!(edited.contains(
+            "\n          { \"points\": [[9, 2.5]], \"radius\": 3, \"color\": \"#ff8800\" }\n        ]\n      }\n"
+        ));
+        let (head, tail) = (TEXT.find("[ { \"points").unwrap(), TEXT.rfind("      }\n").unwrap());
+        assert_eq!(edited[..head], TEXT[..head]);
+        assert!(edited.ends_with(&TEXT[tail..]));
+        // And back.
+        let none = with_strokes(&edited, &[vec![], vec![]]).unwrap();
+        assert!(none.contains("\"strokes\": []") && strokes(&none).unwrap()[1].is_empty());
+    }
+
+    #[test]
+    fn a_view_without_strokes_gets_some_at_its_end() {
+        let before = strokes(TEXT).unwrap();
+        let edited = with_strokes(TEXT, &[vec![dab(1.0)], before[1].clone()]).unwrap();
+        assert_eq!(strokes(&edited).unwrap()[0], [dab(1.0)]);
+        assert!(edited.contains(r#""keep": 0.50, "strokes": ["#), "{edited}");
+        let empty = r#"{"views":[{}]}"#;
+        assert_eq!(strokes(&with_strokes(empty, &[vec![dab(1.0)]]).unwrap()).unwrap()[0], [dab(1.0)]);
+    }
+
+    #[test]
+    fn the_place_of_the_light_map_is_put_in_once() {
+        let extent = Extent { min: [-1.5, 0.1], max: [2.0, 3.0] };
+        let edited = with_light_map_at(TEXT, &extent).unwrap();
+        let said = "\n    \"light_map\": { \"extent\": { \"min\": [-1.5, 0.1], \"max\": [2, 3] } }\n}\n";
+        assert!(edited.ends_with(&format!("\"ambient\": [0.10, 0.2, 0.30],{said}")), "{edited}");
+        assert_eq!(with_light_map_at(&edited, &extent).unwrap(), edited);
+        let with_size = TEXT.replace("\"ambient\"", "\"light_map\": { \"size\": 64 },\n    \"ambient\"");
+        let edited = with_light_map_at(&with_size, &extent).unwrap();
+        assert!(edited.contains("{ \"size\": 64, \"extent\": { \"min\": [-1.5, 0.1]"), "{edited}");
+    }
+
+    #[test]
+    fn another_number_of_views_is_refused() {
+        assert!(matches!(with_strokes(TEXT, &[vec![]]), Err(Error::Shape { .. })));
+    }
+}

@@ -1,0 +1,193 @@
+//! What page and studio say to each other. docs/studio.md has the words; pictures travel in binary.
+
+use std::sync::Arc;
+
+use axum::body::Bytes;
+use serde::{Deserialize, Serialize};
+
+use super::document::Change;
+use crate::scene::Image;
+
+/// What a page asks for.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Asked {
+    /// Something of the strokes.
+    Change(Change),
+    /// Something else.
+    Wish(Wish),
+}
+
+/// What a page asks for that changes no stroke.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum Wish {
+    /// The pen touches, or has left.
+    Pen { down: bool },
+    /// The strokes are to be in the scene file.
+    Save,
+    /// What the command writes is to be written.
+    Export,
+    /// An export is to stop.
+    Cancel,
+    /// Pictures are to be brightened by this factor.
+    Exposure { value: f64 },
+    /// The pictures that the page shows.
+    Watch { pictures: Vec<Kind> },
+    /// What is seen at a pixel of the full picture, as the paint that asks for it.
+    Reach { view: usize, x: f64, y: f64 },
+}
+
+/// What a picture shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Kind {
+    /// A view under the light map.
+    After,
+    /// A view under the plain light.
+    Before,
+    /// What the paint asks for.
+    Target,
+    /// How far that is missed.
+    Difference,
+    /// Where no light comes through the light map, as alpha.
+    Coverage,
+    /// The light map, relative to the light.
+    LightMap,
+}
+
+/// How far a picture is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Stage {
+    /// Small, and still improving.
+    Preview,
+    /// As the command draws it.
+    Full,
+}
+
+/// A view as pages know it.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct ViewRecord {
+    pub(super) name: String,
+    /// Of the full picture.
+    pub(super) size: [usize; 2],
+    pub(super) preview: [usize; 2],
+}
+
+/// What the solve is at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub(super) enum Phase {
+    #[serde(rename = "nothing painted")]
+    NothingPainted,
+    #[serde(rename = "preview")]
+    Preview,
+    #[serde(rename = "full")]
+    Full,
+    #[serde(rename = "done")]
+    Done,
+}
+
+/// What kind of news it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum News {
+    Error,
+    Warning,
+    Done,
+}
+
+/// What the studio tells its pages.
+#[derive(Debug, Clone, Serialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub(super) enum Told<'a> {
+    Hello {
+        scene: &'a str,
+        path: String,
+        version: &'static str,
+        views: &'a [ViewRecord],
+        light_map: [usize; 2],
+        exposure: f64,
+        palette: &'a [String],
+    },
+    Strokes {
+        views: Vec<Vec<&'a crate::io::scene_file::Stroke>>,
+        /// Counts changes. A picture of this revision shows them.
+        revision: u64,
+        can_undo: bool,
+        can_redo: bool,
+        is_saved: bool,
+    },
+    Progress {
+        phase: Phase,
+        iteration: usize,
+        /// Relative to that at x₀.
+        gradient: f64,
+        met: Option<f64>,
+        seconds: f64,
+        /// What stands in the way of the paint, in words; of the full resolution alone.
+        remarks: &'a [String],
+    },
+    Reached {
+        view: usize,
+        x: f64,
+        y: f64,
+        color: String,
+    },
+    Notice {
+        kind: News,
+        text: String,
+    },
+    Exporting {
+        text: String,
+        part: Option<f64>,
+        is_running: bool,
+    },
+}
+
+/// A message on its way to every page.
+#[derive(Debug, Clone)]
+pub(super) enum Sent {
+    Text(Arc<str>),
+    Picture(Bytes),
+}
+
+impl Told<'_> {
+    pub(super) fn sent(&self) -> Sent {
+        // Nothing here cannot be JSON.
+        Sent::Text(serde_json::to_string(self).unwrap_or_default().into())
+    }
+}
+
+/// What stands before the pixels of a picture.
+#[derive(Serialize)]
+struct Header {
+    kind: Kind,
+    view: Option<usize>,
+    size: [usize; 2],
+    stage: Stage,
+    serial: u64,
+    revision: u64,
+}
+
+/// A picture of a view, or of the light map, as RGBA in sRGB.
+pub(super) fn picture(
+    (kind, view): (Kind, Option<usize>),
+    (stage, serial, revision): (Stage, u64, u64),
+    size: [usize; 2],
+    pixels: &[u8],
+) -> Sent {
+    let header =
+        serde_json::to_vec(&Header { kind, view, size, stage, serial, revision }).unwrap_or_default();
+    let mut bytes = Vec::with_capacity(4 + header.len() + pixels.len());
+    bytes.extend_from_slice(&(header.len() as u32).to_le_bytes());
+    bytes.extend_from_slice(&header);
+    bytes.extend_from_slice(pixels);
+    Sent::Picture(bytes.into())
+}
+
+/// A colour as pages write it, from linear; what is brighter than white is white.
+pub(super) fn hex(color: [f32; 3]) -> String {
+    let pixel = crate::io::image::rgba_bytes(&Image::constant([1, 1], color), 1.0);
+    format!("#{:02x}{:02x}{:02x}", pixel[0], pixel[1], pixel[2])
+}

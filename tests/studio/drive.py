@@ -1,0 +1,215 @@
+"""The studio as an artist uses it: headless Chromium, driven by Playwright.
+
+    python3 tests/studio/drive.py PROGRAM [--strokes N] [--seconds N] [--shots FOLDER]
+
+Paints by mouse on a copy of the citadel, and holds what the page shows against what the command finds. Prints figures; ends with an error where something is
+wrong. `--strokes` are timed, `--seconds` are spent on random painting, undo and zooming.
+"""
+import argparse
+import atexit
+import base64
+import json
+import os
+import pathlib
+import random
+import shutil
+import signal
+import statistics
+import subprocess
+import tempfile
+import time
+
+from playwright.sync_api import sync_playwright
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+class Studio:
+    """A program that serves a scene."""
+
+    def __init__(self, program, scene):
+        self.process = subprocess.Popen(
+            [program, "paint", str(scene), "--no-open", "-o", str(scene.parent / "out")], stdout=subprocess.PIPE, text=True)
+        atexit.register(self.process.kill)
+        self.address = self.process.stdout.readline().split()[-1]
+        assert self.address.startswith("http://127.0.0.1:"), self.address
+
+    def resident(self):
+        """MiB of memory."""
+        status = pathlib.Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(status.split("VmRSS:")[1].split()[0]) / 1024
+
+    def end(self, with_signal=signal.SIGINT):
+        self.process.send_signal(with_signal)
+        return self.process.wait(30)
+
+
+def opened(browser, address, faults, size=(1440, 900)):
+    page = browser.new_context(viewport={"width": size[0], "height": size[1]}).new_page()
+    page.on("console", lambda told: faults.append(told.text) if told.type == "error" else None)
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.goto(address)
+    until(page, "() => window.studio?.state.socket === 'open' && document.querySelector('#status').dataset.serial !== ''")
+    return page
+
+
+def until(page, what, argument=None, patience=60):
+    """Asks again and again: the page's policy forbids what Playwright has for this."""
+    clock = time.time()
+    while not page.evaluate(what, argument):
+        assert time.time() - clock < patience, f"{what} does not come"
+        page.wait_for_timeout(5)
+
+
+def count(page, view=0):
+    return page.evaluate("view => window.studio.state.strokes[view].length", view)
+
+
+def until_done(page):
+    until(page, """() => {
+        const { state } = window.studio;
+        const after = state.pictures.get(`after/${state.view}`);
+        return state.progress?.phase === 'done' && after.stage === 'full' && after.revision === state.revision;
+    }""")
+
+
+def paint(page, points, view=0):
+    """By mouse; points in pixels of the full picture."""
+    before = count(page, view)
+    places = page.evaluate("points => points.map(([x, y]) => window.studio.toScreen(x, y))", points)
+    page.mouse.move(places[0]["x"], places[0]["y"])
+    page.mouse.down()
+    for place in places[1:]:
+        page.mouse.move(place["x"], place["y"], steps=6)
+    page.mouse.up()
+    until(page, "([view, before]) => window.studio.state.strokes[view].length === before + 1", [view, before])
+
+
+def shown(page):
+    """What the page has of the first view under the light map."""
+    return page.evaluate("""() => {
+        const { size, stage, bytes } = window.studio.state.pictures.get('after/0');
+        return { size, stage, bytes: Array.from(bytes) };
+    }""")
+
+
+def decoded(page, png):
+    """The pixels of a PNG file, as the browser has them."""
+    source = "data:image/png;base64," + base64.b64encode(png.read_bytes()).decode()
+    return page.evaluate("""async (source) => {
+        const image = new Image();
+        image.src = source;
+        await image.decode();
+        const canvas = document.createElement('canvas');
+        [canvas.width, canvas.height] = [image.width, image.height];
+        const context = canvas.getContext('2d', { colorSpace: 'srgb' });
+        context.drawImage(image, 0, 0);
+        return Array.from(context.getImageData(0, 0, image.width, image.height).data);
+    }""", source)
+
+
+def main():
+    arguments = argparse.ArgumentParser()
+    arguments.add_argument("program")
+    arguments.add_argument("--strokes", type=int, default=8)
+    arguments.add_argument("--seconds", type=float, default=10)
+    arguments.add_argument("--shots")
+    asked = arguments.parse_args()
+    chromium = next(path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name)))
+    faults = []
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        scene = pathlib.Path(folder) / "citadel.json"
+        document = json.loads((ROOT / "strokes/citadel.json").read_text())
+        # The command and the studio show the pictures alike.
+        document["exposure"] = 0
+        scene.write_text(json.dumps(document, indent=2))
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        studio = Studio(asked.program, scene)
+        page = opened(browser, studio.address, faults)
+        until_done(page)
+
+        def shot(name):
+            if asked.shots:
+                page.screenshot(path=os.path.join(asked.shots, f"{name}.png"))
+
+        shot("opened")
+        began = count(page)
+        paint(page, [(250, 240), (300, 260), (330, 300)])
+        until_done(page)
+        shot("painted")
+
+        # Undo and redo by keys.
+        page.keyboard.press("Control+z")
+        until(page, "began => window.studio.state.strokes[0].length === began", began)
+        page.keyboard.press("Control+Shift+Z")
+        until(page, "began => window.studio.state.strokes[0].length === began + 1", began)
+        until_done(page)
+
+        # What is saved is solved by the command, and gives the same picture.
+        page.keyboard.press("Control+s")
+        until(page, "() => window.studio.state.isSaved")
+        subprocess.run([asked.program, "light-map", str(scene), "-q", "-o", f"{folder}/command"], check=True, stdout=subprocess.DEVNULL)
+        mine, theirs = shown(page), decoded(page, pathlib.Path(folder) / "command/court_after.png")
+        assert mine["stage"] == "full" and mine["bytes"] == theirs, "the command finds another picture"
+        print("the page shows what the command finds of the saved scene, to the bit")
+
+        # Another tab, and a reload.
+        other = opened(browser, studio.address, faults)
+        paint(other, [(150, 180), (180, 175)])
+        until(page, "began => window.studio.state.strokes[0].length === began + 2", began)
+        other.context.close()
+        page.reload()
+        until(page, "began => window.studio?.state.strokes[0]?.length === began + 2", began)
+
+        # A crash loses nothing.
+        strokes = page.evaluate("window.studio.state.strokes")
+        assert not faults, faults
+        studio.end(signal.SIGKILL)
+        until(page, "() => window.studio.state.socket === 'closed'")
+        shot("lost")
+        page.context.close()
+        faults.clear()
+        studio = Studio(asked.program, scene)
+        page = opened(browser, studio.address, faults)
+        assert page.evaluate("window.studio.state.strokes") == strokes, "strokes are lost"
+        until_done(page)
+
+        # How soon a stroke is seen.
+        random.seed(7)
+        took = []
+        for _ in range(asked.strokes):
+            x, y = random.uniform(150, 480), random.uniform(120, 300)
+            paint(page, [(x, y), (x + random.uniform(-60, 60), y + random.uniform(-30, 30))])
+            until(page, "() => window.studio.state.drawnRevision === window.studio.state.revision && window.studio.state.pending.length === 0")
+            took.append(page.evaluate("window.studio.state.drawnAt - window.studio.state.strokeEndedAt"))
+            page.wait_for_timeout(250)
+        print(f"from the end of a stroke to its first picture: median {statistics.median(took):.0f} ms of {len(took)} ({min(took):.0f} to {max(took):.0f})")
+        clock = time.time()
+        paint(page, [(300, 250), (320, 260)])
+        until_done(page)
+        print(f"full resolution after {time.time() - clock:.1f} s")
+
+        # Whatever somebody does.
+        before, deeds, clock = studio.resident(), 0, time.time()
+        while time.time() - clock < asked.seconds:
+            deed = random.random()
+            if deed < 0.5:
+                x, y = random.uniform(20, 620), random.uniform(20, 340)
+                paint(page, [(x, y), (x + random.uniform(-80, 80), y + random.uniform(-40, 40))])
+            elif deed < 0.75:
+                page.keyboard.press(random.choice(["Control+z", "Control+Shift+Z"]))
+            else:
+                page.keyboard.press(random.choice(["o", "r", "w", "[", "]", "+", "-", "0", "Tab", "Tab", "l", "l"]))
+                page.keyboard.press("0")
+            deeds += 1
+            page.wait_for_timeout(50)
+        page.wait_for_timeout(500)
+        print(f"{deeds} deeds in {asked.seconds:.0f} s: the studio has {studio.resident():.0f} MiB, {before:.0f} before")
+        shot("after")
+        assert not faults, faults
+        assert studio.end() in (0, 130)
+        browser.close()
+    print("the studio holds")
+
+
+main()

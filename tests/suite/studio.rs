@@ -1,0 +1,362 @@
+//! The studio as its page sees it: over HTTP and a socket, with the citadel at a small size.
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
+use unscatter::Error;
+use unscatter::job::{EngineChoice, Job, Quiet, Stop};
+use unscatter::scene::Image;
+use unscatter::studio::Studio;
+
+use crate::root;
+
+/// Longer than anything here takes.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A studio on a copy of the citadel, whose light map is small.
+struct Opened {
+    folder: TempDir,
+    address: String,
+    stop: Stop,
+    thread: Option<std::thread::JoinHandle<unscatter::Result<()>>>,
+}
+
+fn studio(scene: &Path) -> Studio {
+    Studio {
+        scene: scene.to_owned(),
+        overrides: Vec::new(),
+        engine: EngineChoice::default(),
+        folder: scene.with_file_name("out"),
+        port: 0,
+    }
+}
+
+fn open(folder: TempDir) -> Opened {
+    let (told, hears) = std::sync::mpsc::channel();
+    let (stop, studio) = (Stop::default(), studio(&folder.path().join("scene.json")));
+    let asked = stop.clone();
+    let thread =
+        std::thread::spawn(move || studio.serve(&asked, |address| told.send(address.to_owned()).unwrap()));
+    let address = hears.recv_timeout(PATIENCE).expect("it does not open");
+    Opened { folder, address, stop, thread: Some(thread) }
+}
+
+/// The citadel with small maps and two views, as people write such files.
+fn citadel() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(root().join("strokes/citadel.json")).unwrap();
+    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    scene["light_map"] = json!({ "size": 96 });
+    scene["shadow_map"]["size"] = json!(256);
+    scene["views"].as_array_mut().unwrap().truncate(2);
+    std::fs::write(folder.path().join("scene.json"), serde_json::to_string_pretty(&scene).unwrap()).unwrap();
+    folder
+}
+
+impl Opened {
+    fn scene(&self) -> PathBuf {
+        self.folder.path().join("scene.json")
+    }
+
+    fn host(&self) -> &str {
+        self.address.strip_prefix("http://").unwrap().split('/').next().unwrap()
+    }
+
+    fn token(&self) -> &str {
+        self.address.split("token=").nth(1).unwrap()
+    }
+
+    /// The answer to a request, headers and all.
+    fn get(&self, path: &str, headers: &[(&str, &str)]) -> String {
+        let mut stream = TcpStream::connect(self.host()).unwrap();
+        let headers: String = headers.iter().map(|(name, value)| format!("{name}: {value}\r\n")).collect();
+        write!(stream, "GET {path} HTTP/1.1\r\nConnection: close\r\n{headers}\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    }
+
+    fn socket_with(&self, token: &str, origin: Option<&str>) -> Result<Page, tungstenite::Error> {
+        let url = format!("ws://{}/socket?token={token}", self.host());
+        let mut request = url.into_client_request().unwrap();
+        origin.map(|origin| request.headers_mut().insert("origin", origin.parse().unwrap()));
+        let stream = TcpStream::connect(self.host()).unwrap();
+        stream.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
+        let (socket, _) = match tungstenite::client(request, stream) {
+            Ok(talking) => talking,
+            Err(tungstenite::HandshakeError::Failure(error)) => return Err(error),
+            Err(tungstenite::HandshakeError::Interrupted(mut waits)) => loop {
+                match waits.handshake() {
+                    Ok(talking) => break talking,
+                    Err(tungstenite::HandshakeError::Failure(error)) => return Err(error),
+                    Err(tungstenite::HandshakeError::Interrupted(still)) => waits = still,
+                }
+            },
+        };
+        Ok(Page { socket, told: Vec::new(), pictures: Vec::new() })
+    }
+
+    fn page(&self) -> Page {
+        self.socket_with(self.token(), Some(&format!("http://{}", self.host()))).unwrap()
+    }
+
+    /// Closes it in order, and gives its folder back.
+    fn close(mut self) -> TempDir {
+        self.stop.ask();
+        self.thread.take().unwrap().join().unwrap().unwrap();
+        std::mem::replace(&mut self.folder, tempfile::tempdir().unwrap())
+    }
+}
+
+impl Drop for Opened {
+    fn drop(&mut self) {
+        self.stop.ask();
+        self.thread.take().into_iter().for_each(|thread| drop(thread.join()));
+    }
+}
+
+/// A picture as a page gets it.
+struct Shown {
+    about: Value,
+    pixels: Vec<u8>,
+}
+
+/// What a page has heard so far.
+struct Page {
+    socket: WebSocket<TcpStream>,
+    told: Vec<Value>,
+    pictures: Vec<Shown>,
+}
+
+impl Page {
+    fn say(&mut self, what: Value) {
+        self.socket.send(Message::text(what.to_string())).unwrap();
+    }
+
+    /// Listens until something is so; whether the socket is still open.
+    fn until(&mut self, what: &str, is_so: impl Fn(&Self) -> bool) {
+        let begun = Instant::now();
+        while !is_so(self) {
+            assert!(begun.elapsed() < PATIENCE, "{what} does not come; heard {:?}", self.told.last());
+            assert!(self.hears(), "closed while waiting for {what}");
+        }
+    }
+
+    fn hears(&mut self) -> bool {
+        match self.socket.read() {
+            Ok(Message::Text(text)) => self.told.push(serde_json::from_str(&text).unwrap()),
+            Ok(Message::Binary(bytes)) => {
+                let header = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
+                let about: Value = serde_json::from_slice(&bytes[4..4 + header]).unwrap();
+                self.pictures.push(Shown { about, pixels: bytes[4 + header..].to_vec() });
+            }
+            Ok(Message::Close(_)) => return false,
+            Ok(_) => {}
+            Err(tungstenite::Error::Io(error)) if error.kind() == std::io::ErrorKind::WouldBlock => {}
+            Err(_) => return false,
+        }
+        true
+    }
+
+    fn last(&self, kind: &str) -> Option<&Value> {
+        self.told.iter().rfind(|told| told["type"] == kind)
+    }
+
+    fn picture(&self, kind: &str, view: u64) -> Option<&Shown> {
+        self.pictures.iter().rfind(|shown| {
+            shown.about["kind"] == kind && (kind == "light_map" || shown.about["view"] == view)
+        })
+    }
+
+    fn strokes(&self, view: usize) -> Vec<Value> {
+        self.last("strokes").map_or(Vec::new(), |told| told["views"][view].as_array().unwrap().clone())
+    }
+
+    fn is_done(&self) -> bool {
+        self.last("progress").is_some_and(|told| told["phase"] == "done")
+    }
+
+    /// Paints, and forgets what was heard before the studio has taken it.
+    fn paint(&mut self, view: usize, color: &str) {
+        let count = self.strokes(view).len();
+        let stroke = json!({ "points": [[200, 150], [330, 190]], "radius": 20, "color": color, "hardness": 0.7, "weight": 1, "opacity": 1, "erase": false });
+        self.say(json!({ "type": "paint", "view": view, "stroke": stroke }));
+        self.until("the stroke", |page| page.strokes(view).len() == count + 1);
+        self.pictures.clear();
+    }
+}
+
+#[test]
+fn the_page_is_for_this_machine_and_its_own_address_alone() {
+    let opened = open(citadel());
+    let (host, token) = (opened.host().to_owned(), opened.token().to_owned());
+    let with_token = format!("/?token={token}");
+    let page = opened.get(&with_token, &[("Host", &host)]);
+    assert!(page.starts_with("HTTP/1.1 200") && page.contains("<!doctype html>"), "{page}");
+    assert!(page.contains("content-security-policy: default-src 'none'; script-src 'self'"));
+    assert!(opened.get("/studio.js", &[("Host", &host)]).contains("text/javascript"));
+    let local = host.replace("127.0.0.1", "localhost");
+    assert!(opened.get(&with_token, &[("Host", &local)]).starts_with("HTTP/1.1 200"));
+    for (path, headers) in [
+        ("/", vec![("Host", &host[..])]),
+        ("/?token=0123456789abcdef0123456789abcdef", vec![("Host", &host)]),
+        ("/index.html", vec![("Host", &host)]),
+        (&with_token, vec![("Host", "attacker.example")]),
+        (&with_token, vec![("Host", &host), ("Origin", "http://attacker.example")]),
+        (&with_token, vec![("Host", &host), ("Origin", "null")]),
+    ] {
+        let answer = opened.get(path, &headers);
+        assert!(answer.starts_with("HTTP/1.1 403"), "{path} {headers:?}: {answer}");
+        assert!(answer.contains("content-security-policy"));
+    }
+    assert!(opened.get("/../Cargo.toml", &[("Host", &host)]).starts_with("HTTP/1.1 404"));
+    let origin = format!("http://{host}");
+    for (token, origin) in [
+        ("", Some(&origin[..])),
+        ("0123456789abcdef0123456789abcdef", Some(&origin)),
+        (&token, Some("http://attacker.example")),
+        (&token, None),
+    ] {
+        assert!(opened.socket_with(token, origin).is_err(), "{token} {origin:?}");
+    }
+    assert!(opened.socket_with(&token, Some(&origin)).is_ok());
+}
+
+#[test]
+fn painting_changes_the_pictures_and_what_is_saved_is_what_was_shown() {
+    let opened = open(citadel());
+    let (mut page, mut other) = (opened.page(), opened.page());
+    page.until("hello", |page| page.last("hello").is_some() && page.picture("after", 1).is_some());
+    let hello = page.last("hello").unwrap().clone();
+    assert_eq!(hello["views"][0], json!({ "name": "court", "size": [640, 360], "preview": [320, 180] }));
+    assert_eq!(hello["light_map"], json!([96, 96]));
+    page.say(json!({ "type": "watch", "pictures": ["after", "before", "target", "difference", "coverage", "light_map"] }));
+    page.until("all pictures", |page| {
+        ["before", "target", "difference", "coverage", "light_map"]
+            .iter()
+            .all(|kind| page.picture(kind, 1).is_some())
+    });
+    page.until("the full resolution", Page::is_done);
+    let before = page.picture("after", 0).unwrap();
+    assert_eq!((&before.about["stage"], &before.about["size"]), (&json!("full"), &json!([640, 360])));
+    let before = before.pixels.clone();
+
+    page.paint(0, "#20ff40");
+    page.until("the first preview", |page| page.picture("after", 0).is_some());
+    let preview = page.picture("after", 0).unwrap();
+    assert_eq!((&preview.about["stage"], preview.pixels.len()), (&json!("preview"), 4 * 320 * 180));
+    page.told.retain(|told| told["type"] != "progress");
+    page.until("the full resolution", Page::is_done);
+    let shown = page.picture("after", 0).unwrap().pixels.clone();
+    assert_ne!(shown, before);
+    // The other page knows of it.
+    other.until("the stroke", |page| page.strokes(0).len() == 8);
+    other.say(json!({ "type": "save" }));
+    page.until("the save", |page| page.last("strokes").unwrap()["is_saved"] == true);
+
+    let found = Job::open(opened.scene()).unwrap().solve(&mut Quiet).unwrap();
+    assert_eq!(
+        shown,
+        screen(&found.picture("court").unwrap(), hello["exposure"].as_f64().unwrap()),
+        "the command finds something else"
+    );
+
+    // Undone, it is as it was, to the bit.
+    page.say(json!({ "type": "undo" }));
+    page.until("the undo", |page| page.strokes(0).len() == 7);
+    page.told.retain(|told| told["type"] != "progress");
+    page.until("the full resolution", Page::is_done);
+    assert_eq!(page.picture("after", 0).unwrap().pixels, before);
+    assert_eq!(page.last("strokes").unwrap()["can_redo"], true);
+}
+
+/// What a screen shows of a picture: sRGB (IEC 61966-2-1) in 8 bits.
+fn screen(picture: &Image, exposure: f64) -> Vec<u8> {
+    let code = |linear: f32| {
+        let linear = (f64::from(linear) * exposure).clamp(0.0, 1.0) as f32;
+        let encoded = match linear {
+            ..=0.003_130_8 => 12.92 * linear,
+            _ => 1.055 * linear.powf(1.0 / 2.4) - 0.055,
+        };
+        (255.0 * encoded).round() as u8
+    };
+    picture.pixels.iter().flat_map(|&[r, g, b]| [code(r), code(g), code(b), 255]).collect()
+}
+
+#[test]
+fn a_studio_that_ends_loses_nothing_and_a_second_one_is_refused() {
+    let opened = open(citadel());
+    let mut page = opened.page();
+    page.until("hello", |page| page.last("strokes").is_some());
+    page.paint(1, "#2040ff");
+    page.say(json!({ "type": "delete", "view": 0, "number": 2 }));
+    page.until("the deletion", |page| page.strokes(0).len() == 6);
+    let second = studio(&opened.scene()).serve(&Stop::default(), |_| ());
+    assert!(matches!(second, Err(Error::Machine(told)) if told.contains("another studio")));
+
+    let opened = open(opened.close());
+    let mut again = opened.page();
+    again.until("the strokes", |page| page.last("strokes").is_some() && page.last("notice").is_some());
+    assert_eq!([again.strokes(0), again.strokes(1)], [page.strokes(0), page.strokes(1)]);
+    assert!(again.last("notice").unwrap()["text"].as_str().unwrap().starts_with("2 changes"));
+    assert_eq!(again.last("strokes").unwrap()["is_saved"], false);
+    again.say(json!({ "type": "save" }));
+    again.until("the save", |page| page.last("strokes").unwrap()["is_saved"] == true);
+    let names = |folder: &Path| std::fs::read_dir(folder).unwrap().count();
+    let folder = opened.close();
+    assert_eq!(names(folder.path()), 1, "a journal is left of what was saved");
+}
+
+#[test]
+fn what_no_page_would_say_is_answered_or_ends_the_page_and_harms_no_other() {
+    let opened = open(citadel());
+    let mut page = opened.page();
+    page.until("hello", |page| page.last("strokes").is_some());
+    for nonsense in
+        ["{", "[]", "{\"type\":\"fly\"}", "{\"type\":\"paint\",\"view\":0}", "{\"type\":\"undo\",\"view\":1}"]
+    {
+        let heard = page.told.iter().filter(|told| told["type"] == "notice").count();
+        page.socket.send(Message::text(nonsense)).unwrap();
+        if !nonsense.contains("undo") {
+            page.until("a complaint", |page| {
+                page.told.iter().filter(|told| told["type"] == "notice").count() > heard
+            });
+        }
+    }
+    let strokes = page.strokes(0);
+    let stroke = |points: Value, radius: f64| json!({ "points": points, "radius": radius, "color": "#fff" });
+    for wrong in [stroke(json!([]), 3.0), stroke(json!([[1, 2]]), -1.0), stroke(json!([[-900, -900]]), 3.0)] {
+        page.told.clear();
+        page.say(json!({ "type": "paint", "view": 0, "stroke": wrong }));
+        page.until("a refusal", |page| page.last("notice").is_some() && page.last("strokes").is_some());
+        assert!(page.last("notice").unwrap()["text"].as_str().unwrap().starts_with("that stroke cannot be"));
+        assert_eq!(page.strokes(0), strokes);
+    }
+    page.say(json!({ "type": "paint", "view": 99, "stroke": stroke(json!([[1, 2]]), 3.0) }));
+    page.say(json!({ "type": "reach", "view": 99, "x": 1e9, "y": -4.0 }));
+    page.say(json!({ "type": "reach", "view": 0, "x": 1e9, "y": -4.0 }));
+    page.until("what is seen", |page| page.last("reached").is_some());
+
+    // A flood, and a message that is too long.
+    let mut flood = opened.page();
+    (0..1000).for_each(|_| drop(flood.socket.send(Message::text("{\"type\":\"redo\"}"))));
+    let begun = Instant::now();
+    while flood.hears() {
+        assert!(begun.elapsed() < PATIENCE, "a flood is not stopped");
+    }
+    let mut long = opened.page();
+    _ = long.socket.send(Message::text(" ".repeat(2 << 20)));
+    let begun = Instant::now();
+    while long.hears() {
+        assert!(begun.elapsed() < PATIENCE, "a message of 2 MiB is not refused");
+    }
+    page.told.clear();
+    page.say(json!({ "type": "reach", "view": 1, "x": 20, "y": 20 }));
+    page.until("an answer", |page| page.last("reached").is_some());
+}
