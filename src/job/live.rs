@@ -20,6 +20,9 @@ use crate::solve::StopReason;
 use crate::visibility::Geometry;
 use crate::{Error, Result};
 
+/// Rows that weigh something are walked again where they are less than one in so many of all.
+const MANY: usize = 3;
+
 /// How large the pictures of a live job are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Preview {
@@ -46,7 +49,8 @@ pub struct Standing {
 
 /// A light map that is looked for while somebody paints.
 ///
-/// Rows of all pixels of all views are kept; a change of strokes changes weights and targets only. Points and radii of strokes are in pixels
+/// Rows of all pixels of all views are kept, for pictures; a change of strokes changes weights and targets, and the few rows that weigh
+/// something are walked and kept again for the solve. Points and radii of strokes are in pixels
 /// of the full pictures.
 ///
 /// They are kept where the job computes, the processor or an adapter; where an adapter fails that the processor may take the place of, it
@@ -63,6 +67,8 @@ pub struct LiveJob {
     problem: LightMapProblem,
     engine: Engine,
     warm: Warm,
+    /// The rows that weigh something since the last change, where they are few.
+    few: Option<Few>,
     memory: MemoryBudget,
     deterministic: bool,
     /// All elements as they are.
@@ -95,7 +101,13 @@ pub struct LivePictures<'a> {
     texels: Vec<Rgb>,
 }
 
-/// T of all pixels, where it is kept.
+/// The rows that weigh something, and T of them.
+struct Few {
+    problem: LightMapProblem,
+    warm: Warm,
+}
+
+/// T of all pixels, or of some, where it is kept.
 enum Warm {
     Cpu(OnHost),
     #[cfg(feature = "gpu")]
@@ -141,6 +153,7 @@ impl LiveJob {
             problem,
             engine,
             warm,
+            few: None,
             memory,
             deterministic,
             x,
@@ -231,6 +244,7 @@ impl LiveJob {
         let painting = paint(&view)?;
         self.scene.views[index] = view;
         self.problem.repaint(index, &painting);
+        self.few = None;
         self.paused = None;
         Ok(())
     }
@@ -254,15 +268,27 @@ impl LiveJob {
         }
         let mut engine = std::mem::replace(&mut self.engine, Engine::Cpu);
         let went = engine.run(None, false, None, |on, _| {
+            let (how, deterministic) = ((&self.settings, &self.memory), self.deterministic);
             if matches!(on, On::Cpu) && !matches!(self.warm, Warm::Cpu(_)) {
-                let how = (&self.settings, &self.memory);
-                self.warm = Warm::new(&self.problem, on, how, self.deterministic)?;
+                (self.warm, self.few) = (Warm::new(&self.problem, On::Cpu, how, deterministic)?, None);
+            }
+            let weights = self.problem.constraints.iter().enumerate().filter(|(_, pixel)| pixel.weight > 0.0);
+            let rows: Vec<usize> = weights.map(|(row, _)| row).collect();
+            // To walk few of them again costs less than a product with all.
+            if self.few.is_none() && MANY * rows.len() < self.problem.constraints.len() {
+                let problem = self.problem.of_some(&rows);
+                let warm = Warm::new(&problem, on, how, deterministic)?;
+                self.few = Some(Few { problem, warm });
             }
             let resumed = self.paused.take();
-            match &self.warm {
-                Warm::Cpu(operator) => self.go_on(operator, resumed, iterations),
+            let (problem, warm) = match &self.few {
+                Some(few) => (&few.problem, &few.warm),
+                None => (&self.problem, &self.warm),
+            };
+            match warm {
+                Warm::Cpu(operator) => self.go_on(problem, operator, resumed, iterations),
                 #[cfg(feature = "gpu")]
-                Warm::Gpu(operator) => self.go_on(&**operator, resumed, iterations),
+                Warm::Gpu(operator) => self.go_on(problem, &**operator, resumed, iterations),
             }
         });
         self.engine = engine;
@@ -291,6 +317,7 @@ impl LiveJob {
 
     fn go_on(
         &self,
+        problem: &LightMapProblem,
         operator: &impl TransportOperator,
         resumed: Option<(Paused, CpuVector)>,
         iterations: usize,
@@ -301,10 +328,10 @@ impl LiveJob {
                 let before = paused.history.progress.len() - 1;
                 (Begin::Resumed(paused), before, coverage)
             }
-            None => (Begin::At(&self.x), 0, operator.squares(&self.problem.weights())?),
+            None => (Begin::At(&self.x), 0, operator.squares(&problem.weights())?),
         };
         let settings = SolveSettings { iterations: before + iterations, ..self.settings.clone() };
-        let formulation = self.problem.formulation(&settings)?;
+        let formulation = problem.formulation(&settings)?;
         let mut left = None;
         let solved = minimize(&formulation, operator, &coverage, &settings, begin, |history, snapshot| {
             if snapshot.is_final() {

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::time::{Duration, Instant};
 
@@ -73,6 +74,8 @@ pub(super) struct Worker {
     palette: Vec<String>,
     /// Threads that leave one core to the browser.
     few: Option<rayon::ThreadPool>,
+    /// Threads that work when no other do, for the full resolution: the next stroke does not wait until they have heard of it.
+    patient: Option<Arc<rayon::ThreadPool>>,
     orders: Receiver<Order>,
     mine: Sender<Order>,
     pages: broadcast::Sender<Sent>,
@@ -94,8 +97,20 @@ pub(super) struct Worker {
     began: Instant,
     last_picture: Instant,
     is_told_of_change: bool,
+    /// How far the solve was when pages were told last.
+    standing: Option<Standing>,
     /// What the first page is told.
     news: Vec<(News, String)>,
+}
+
+/// How far a solve is, as pages know it.
+#[derive(Clone, Copy)]
+struct Standing {
+    phase: Phase,
+    iteration: usize,
+    gradient: f64,
+    met: Option<f64>,
+    at: Duration,
 }
 
 /// How far the preview is.
@@ -161,6 +176,7 @@ impl Worker {
             live,
             records,
             few,
+            patient: patient_threads(),
             orders,
             mine,
             pages,
@@ -178,6 +194,7 @@ impl Worker {
             began: now,
             last_picture: now,
             is_told_of_change: false,
+            standing: None,
             news,
         };
         for view in 0..worker.records.len() {
@@ -302,6 +319,7 @@ impl Worker {
             self.notice(kind, text);
         }
         self.show_all();
+        self.tell_progress();
     }
 
     fn tell_strokes(&self) {
@@ -386,12 +404,17 @@ impl Worker {
         self.scene.views.iter().all(|view| view.layers.is_empty())
     }
 
-    fn progress(&self, phase: Phase, iteration: usize, gradient: f64, met: Option<f64>) {
+    fn progress(&mut self, phase: Phase, iteration: usize, gradient: f64, met: Option<f64>) {
         // JSON knows no NaN.
         let gradient = if gradient.is_finite() { gradient } else { 1.0 };
-        let seconds = self.began.elapsed().as_secs_f64();
+        self.standing = Some(Standing { phase, iteration, gradient, met, at: self.began.elapsed() });
+        self.tell_progress();
+    }
+
+    fn tell_progress(&self) {
+        let Some(Standing { phase, iteration, gradient, met, at }) = self.standing else { return };
         let remarks = self.full.as_ref().map_or(&[][..], |full| &full.remarks);
-        self.tell(&Told::Progress { phase, iteration, gradient, met, seconds, remarks });
+        self.tell(&Told::Progress { phase, iteration, gradient, met, seconds: at.as_secs_f64(), remarks });
     }
 
     fn watches(&self, kind: Kind) -> bool {
@@ -523,10 +546,14 @@ impl Worker {
         let stop = Stop::default();
         self.solving = Some(stop.clone());
         let (mine, changes) = (self.mine.clone(), self.changes);
-        let setting = self.setting.clone();
+        let (setting, patient) = (self.setting.clone(), self.patient.clone());
         self.progress(Phase::Full, 0, 1.0, None);
         std::thread::spawn(move || {
-            let found = setting.job(&text).and_then(|job| full(job, &setting, stop));
+            let find = || setting.job(&text).and_then(|job| full(job, &setting, stop));
+            let found = match &patient {
+                Some(patient) => patient.install(find),
+                None => find(),
+            };
             // Nobody waits for it where the studio was closed.
             _ = mine.send(Order::Full(changes, found));
         });
@@ -618,6 +645,18 @@ impl Setting {
             }),
         }
     }
+}
+
+/// As many threads as there are cores, which give way to all others.
+fn patient_threads() -> Option<Arc<rayon::ThreadPool>> {
+    let threads = rayon::ThreadPoolBuilder::new().start_handler(|_| {
+        #[cfg(target_os = "linux")]
+        {
+            // Of this thread alone. Where that is not allowed, they are as urgent as others.
+            _ = rustix::process::setpriority_process(None, 19);
+        }
+    });
+    threads.build().ok().map(Arc::new)
 }
 
 /// The finest preview whose rows fit, and its width.

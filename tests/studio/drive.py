@@ -58,7 +58,7 @@ def until(page, what, argument=None, patience=60):
     clock = time.time()
     while not page.evaluate(what, argument):
         assert time.time() - clock < patience, f"{what} does not come"
-        page.wait_for_timeout(5)
+        page.wait_for_timeout(15)
 
 
 def count(page, view=0):
@@ -73,23 +73,27 @@ def until_done(page):
     }""")
 
 
-def paint(page, points, view=0):
+def drag(page, points):
     """By mouse; points in pixels of the full picture."""
-    before = count(page, view)
     places = page.evaluate("points => points.map(([x, y]) => window.studio.toScreen(x, y))", points)
     page.mouse.move(places[0]["x"], places[0]["y"])
     page.mouse.down()
     for place in places[1:]:
         page.mouse.move(place["x"], place["y"], steps=6)
     page.mouse.up()
+
+
+def paint(page, points, view=0):
+    before = count(page, view)
+    drag(page, points)
     until(page, "([view, before]) => window.studio.state.strokes[view].length === before + 1", [view, before])
 
 
 def shown(page):
     """What the page has of the first view under the light map."""
     return page.evaluate("""() => {
-        const { size, stage, bytes } = window.studio.state.pictures.get('after/0');
-        return { size, stage, bytes: Array.from(bytes) };
+        const { size, stage, canvas } = window.studio.state.pictures.get('after/0');
+        return { size, stage, bytes: Array.from(canvas.getContext('2d').getImageData(0, 0, ...size).data) };
     }""")
 
 
@@ -195,7 +199,8 @@ def main():
             deed = random.random()
             if deed < 0.5:
                 x, y = random.uniform(20, 620), random.uniform(20, 340)
-                paint(page, [(x, y), (x + random.uniform(-80, 80), y + random.uniform(-40, 40))])
+                # It may also move the wipe, or reach for a colour.
+                drag(page, [(x, y), (x + random.uniform(-80, 80), y + random.uniform(-40, 40))])
             elif deed < 0.75:
                 page.keyboard.press(random.choice(["Control+z", "Control+Shift+Z"]))
             else:

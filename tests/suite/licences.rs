@@ -23,8 +23,10 @@ const ALLOWED: &[&str] = &[
 
 /// Crates of which there are two versions, and what needs the older one.
 const TWICE: &[(&str, &str)] = &[
+    ("getrandom", "rand, for axum's sockets"),
     ("hashbrown", "gpu-allocator, for wgpu"),
     ("miniz_oxide", "exr and png"),
+    ("r-efi", "getrandom"),
     ("syn", "macros of gltf-json, miette, tracing and windows"),
     ("unicode-width", "miette"),
 ];
