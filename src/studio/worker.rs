@@ -28,9 +28,8 @@ const APART: Duration = Duration::from_millis(120);
 const WIDTHS: [usize; 4] = [320, 240, 160, 96];
 /// Iterations between two pictures at most.
 const MOST: usize = 8;
-/// Brush colours where a scene has none.
-const PALETTE: [&str; 8] =
-    ["#ffffff", "#ffb347", "#ff7a2f", "#e0352b", "#c030f0", "#2f6bff", "#20b8d8", "#101018"];
+/// Brush colours beside those of a scene; pages have white and black.
+const PALETTE: [&str; 7] = ["#ffb347", "#ff7a2f", "#e0352b", "#c030f0", "#2f6bff", "#20b8d8", "#40c060"];
 
 /// What the worker is told to do.
 pub(super) enum Order {
@@ -101,6 +100,27 @@ pub(super) struct Worker {
     standing: Option<Standing>,
     /// What the first page is told.
     news: Vec<(News, String)>,
+}
+
+/// What has changed since pictures were sent.
+#[derive(Clone, Copy, PartialEq)]
+enum Changes {
+    /// The light map.
+    Light,
+    /// The paint, and the light map with it.
+    Paint,
+    /// What pages show, or how bright.
+    All,
+}
+
+impl Changes {
+    fn reach(self, kind: Kind) -> bool {
+        match kind {
+            Kind::After | Kind::Difference | Kind::LightMap => true,
+            Kind::Target => self != Self::Light,
+            Kind::Before | Kind::Coverage => self == Self::All,
+        }
+    }
 }
 
 /// How far a solve is, as pages know it.
@@ -281,14 +301,14 @@ impl Worker {
             }),
             Wish::Exposure { value } if value.is_finite() && value > 0.0 => {
                 self.exposure = value;
-                self.show_all();
+                self.show(Changes::All);
             }
             Wish::Exposure { .. } => {
                 self.notice(News::Error, "the exposure must be a number above 0".to_owned())
             }
             Wish::Watch { pictures } => {
                 self.watched.insert(page, pictures);
-                self.show_all();
+                self.show(Changes::All);
             }
             Wish::Reach { view, x, y } => self.reach(view, [x, y]),
         }
@@ -318,7 +338,7 @@ impl Worker {
         for (kind, text) in std::mem::take(&mut self.news) {
             self.notice(kind, text);
         }
-        self.show_all();
+        self.show(Changes::All);
         self.tell_progress();
     }
 
@@ -369,7 +389,7 @@ impl Worker {
             self.live.begin_anew();
             self.followed = self.changes;
             self.state = State::Still;
-            self.show_all();
+            self.show(Changes::Paint);
             self.progress(Phase::NothingPainted, 0, f64::NAN, None);
             return;
         }
@@ -393,7 +413,8 @@ impl Worker {
             if is_done { State::Rests(Instant::now()) } else { State::Improving((2 * iterations).min(MOST)) };
         let is_first = standing.iterations <= 1;
         if is_first || is_done || self.last_picture.elapsed() > APART {
-            let met = self.show_all();
+            let changes = if is_first { Changes::Paint } else { Changes::Light };
+            let met = self.show(changes);
             let gradient = standing.gradient.iter().copied().fold(0.0, f64::max);
             self.progress(Phase::Preview, standing.iterations, gradient, met);
         }
@@ -421,10 +442,10 @@ impl Worker {
         self.watched.values().any(|kinds| kinds.contains(&kind))
     }
 
-    /// Sends all pictures that some page shows; the share of the paint that is met.
-    fn show_all(&mut self) -> Option<f64> {
+    /// Sends the pictures that have changed, of those that some page shows; the share of the paint that is met.
+    fn show(&mut self, changes: Changes) -> Option<f64> {
         self.last_picture = Instant::now();
-        match self.shown() {
+        match self.shown(changes) {
             Ok(met) => met,
             Err(error) => {
                 self.notice(News::Error, error.to_string());
@@ -433,11 +454,11 @@ impl Worker {
         }
     }
 
-    fn shown(&mut self) -> Result<Option<f64>> {
+    fn shown(&mut self, changes: Changes) -> Result<Option<f64>> {
         let kinds: Vec<Kind> =
             [Kind::After, Kind::Before, Kind::Target, Kind::Difference, Kind::Coverage, Kind::LightMap]
                 .into_iter()
-                .filter(|&kind| self.watches(kind))
+                .filter(|&kind| self.watches(kind) && changes.reach(kind))
                 .collect();
         let (exposure, views) = (self.exposure, self.records.len());
         let mut all = Vec::new();
@@ -568,7 +589,7 @@ impl Worker {
             Ok(full) => {
                 let (iterations, gradient, met) = (full.iterations, full.gradient, full.met);
                 self.full = Some(full);
-                self.show_all();
+                self.show(Changes::Light);
                 self.progress(Phase::Done, iterations, gradient, met);
             }
             Err(Error::Interrupted) => {}
@@ -736,7 +757,7 @@ fn palette(document: &Document) -> Vec<String> {
         Paint::Linear(_) => None,
     });
     for color in used.chain(PALETTE.map(str::to_owned)) {
-        if !palette.contains(&color) && palette.len() < 16 {
+        if !palette.contains(&color) && palette.len() < 14 {
             palette.push(color);
         }
     }

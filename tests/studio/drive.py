@@ -45,7 +45,7 @@ class Studio:
 
 
 def opened(browser, address, faults, size=(1440, 900)):
-    page = browser.new_context(viewport={"width": size[0], "height": size[1]}).new_page()
+    page = browser.new_context(viewport={"width": size[0], "height": size[1]}, color_scheme="dark").new_page()
     page.on("console", lambda told: faults.append(told.text) if told.type == "error" else None)
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.goto(address)
