@@ -4,6 +4,7 @@ use std::fs::{File, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +28,8 @@ pub(super) enum Change {
     Undo,
     /// What was taken back last is done again.
     Redo,
+    /// A view has these strokes: how the journal has what was taken back or done again, which may be older than the journal is.
+    Restore { view: usize, strokes: Vec<Stroke> },
 }
 
 /// The strokes of one view.
@@ -52,8 +55,12 @@ pub(super) struct Document {
     saved: Vec<Strokes>,
     undo: Vec<Moment>,
     redo: Vec<Moment>,
+    /// When the file was changed that is known to hold that text, or that was looked at last.
+    modified: Option<SystemTime>,
     journal_path: PathBuf,
     journal: File,
+    /// Where the strokes go once another program has painted on the scene.
+    beside: Option<PathBuf>,
 }
 
 /// What became of a save.
@@ -105,8 +112,10 @@ impl Document {
             strokes,
             undo: Vec::new(),
             redo: Vec::new(),
+            modified: None,
             journal_path,
             journal,
+            beside: None,
         };
         let mut lines = left.lines();
         let is_of_this = lines
@@ -124,7 +133,7 @@ impl Document {
                 }
             }
         } else if lines.next().is_some() {
-            let beside = path.with_file_name(format!("{name}.lost-journal"));
+            let beside = unused(path, |number| format!("{name}.lost-journal{number}"));
             std::fs::write(&beside, &left).map_err(failed("write", &beside))?;
             set_aside = Some(beside);
         }
@@ -196,6 +205,10 @@ impl Document {
             }
             Change::Undo => self.undo.last()?.clone(),
             Change::Redo => self.redo.last()?.clone(),
+            Change::Restore { view, strokes } => {
+                of(*view)?;
+                (*view, strokes.iter().cloned().map(Arc::new).collect())
+            }
         })
     }
 
@@ -221,8 +234,15 @@ impl Document {
     ///
     /// Errors: [`Error::File`]; the change is made all the same.
     pub(super) fn make(&mut self, change: &Change, (view, strokes): Moment) -> Result<()> {
+        let restored = match change {
+            Change::Undo | Change::Redo => Some(strokes.iter().map(|stroke| Stroke::clone(stroke)).collect()),
+            _ => None,
+        };
         self.take(change, view, strokes);
-        self.write_line(change)
+        match restored {
+            Some(strokes) => self.write_line(&Change::Restore { view, strokes }),
+            None => self.write_line(change),
+        }
     }
 
     /// The text of the scene with its strokes, and with the place of the light map where it did not say.
@@ -237,7 +257,12 @@ impl Document {
     }
 
     /// Whether another program has changed the scene file since it was read or written here.
-    pub(super) fn is_changed_elsewhere(&self) -> bool {
+    pub(super) fn is_changed_elsewhere(&mut self) -> bool {
+        let modified = modified(&self.path);
+        if modified.is_some() && modified == self.modified {
+            return false;
+        }
+        self.modified = modified;
         std::fs::read_to_string(&self.path).is_ok_and(|now| now != self.text)
     }
 
@@ -250,8 +275,10 @@ impl Document {
         let theirs = if is_changed { edit::strokes(&now).ok() } else { None };
         if is_changed && theirs.as_ref() != Some(&owned(&self.saved)) {
             let name = self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let beside = self.path.with_file_name(format!("{name}.mine.json"));
+            let fresh = || unused(&self.path, |number| format!("{name}.mine{number}.json"));
+            let beside = self.beside.clone().unwrap_or_else(fresh);
             write_text(&beside, &self.edited(&self.text, extent)?)?;
+            self.beside = Some(beside.clone());
             return Ok(Saved::Beside(beside));
         }
         let text = self.edited(&now, extent)?;
@@ -270,6 +297,17 @@ impl Drop for Document {
             _ = std::fs::remove_file(&self.journal_path);
         }
     }
+}
+
+fn modified(path: &Path) -> Option<SystemTime> {
+    std::fs::metadata(path).and_then(|about| about.modified()).ok()
+}
+
+/// A name beside a file that nothing has: with nothing for a number, else with 2, 3, and so on.
+fn unused(path: &Path, name: impl Fn(&str) -> String) -> PathBuf {
+    let numbers = std::iter::once(String::new()).chain((2..).map(|number: u64| number.to_string()));
+    let mut names = numbers.map(|number| path.with_file_name(name(&number)));
+    names.find(|name| !name.exists()).unwrap_or_default()
 }
 
 fn write_text(path: &Path, text: &str) -> Result<()> {
@@ -373,7 +411,9 @@ mod tests {
         std::fs::write(&path, TEXT.replace("{}", "{ }")).unwrap();
         let (document, brought_back, set_aside) = open(&path);
         assert!(brought_back == 0 && document.is_saved());
-        assert!(std::fs::read_to_string(set_aside.unwrap()).unwrap().lines().count() >= 5);
+        let set_aside = set_aside.unwrap();
+        assert!(std::fs::read_to_string(&set_aside).unwrap().lines().count() >= 5);
+        assert_ne!(unused(&path, |number| format!("scene.json.lost-journal{number}")), set_aside);
     }
 
     #[test]
@@ -390,6 +430,23 @@ mod tests {
         assert_eq!(std::fs::read_to_string(&journal).unwrap().lines().count(), 1);
         drop(document);
         assert!(!journal.exists());
+    }
+
+    #[test]
+    fn what_was_taken_back_after_a_save_is_taken_back_after_a_crash() {
+        let (_folder, path) = scene(TEXT);
+        let (mut document, ..) = open(&path);
+        assert!(make(&mut document, paint(0, 1.0)) && make(&mut document, paint(0, 2.0)));
+        assert!(matches!(document.save(&EXTENT).unwrap(), Saved::Whole));
+        for change in [Change::Undo, Change::Undo, Change::Redo, paint(1, 4.0)] {
+            assert!(make(&mut document, change));
+        }
+        let strokes = document.strokes.clone();
+        assert_eq!([strokes[0].len(), strokes[1].len()], [1, 1]);
+        drop(document);
+        let (document, brought_back, _) = open(&path);
+        assert_eq!(brought_back, 4);
+        assert_eq!(document.strokes, strokes);
     }
 
     #[test]

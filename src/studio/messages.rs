@@ -106,7 +106,6 @@ pub(super) enum Told<'a> {
         path: String,
         version: &'static str,
         views: &'a [ViewRecord],
-        light_map: [usize; 2],
         exposure: f64,
         palette: &'a [String],
     },

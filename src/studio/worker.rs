@@ -177,7 +177,7 @@ impl Worker {
         }
         let (live, width) = warm(&job, &setting)?;
         if width < WIDTHS[0] {
-            let text = format!("previews are {width} pixels wide, for finer ones exceed solve.memory");
+            let text = format!("previews are {width} pixels wide, finer ones would exceed solve.memory");
             news.push((News::Warning, text));
         }
         let records = scene.views.iter().map(|view| {
@@ -217,19 +217,16 @@ impl Worker {
             standing: None,
             news,
         };
-        for view in 0..worker.records.len() {
-            if brought_back > 0 {
-                worker.repaint(view, &worker.document.strokes()[view].clone()).map_err(Error::Machine)?;
+        let views = if brought_back > 0 { worker.records.len() } else { 0 };
+        for view in 0..views {
+            if let Err(problem) = worker.repaint(view, &worker.document.strokes()[view].clone()) {
+                let name = &worker.records[view].name;
+                worker.news.push((News::Warning, format!("not all paint of `{name}` is seen: {problem}")));
             }
         }
         worker.readable = worker.readable()?;
         worker.exposure = worker.readable;
         Ok(worker)
-    }
-
-    /// The light map's size.
-    fn light_map_size(&self) -> Result<[usize; 2]> {
-        Ok(self.live.light_map()?.size())
     }
 
     /// Works until somebody asks to stop, or nobody can give orders any more.
@@ -282,6 +279,8 @@ impl Worker {
             }
             Order::Left(page) => {
                 self.watched.remove(&page);
+                // It may have left in the middle of a stroke.
+                self.is_pen_down = false;
             }
             Order::Asked(_, Asked::Change(change)) => self.change(&change),
             Order::Asked(page, Asked::Wish(wish)) => self.grant(page, wish),
@@ -324,13 +323,11 @@ impl Worker {
     }
 
     fn greet(&mut self) {
-        let light_map = self.light_map_size().unwrap_or([1; 2]);
         self.tell(&Told::Hello {
             scene: &self.scene.name,
             path: self.setting.path.display().to_string(),
             version: env!("CARGO_PKG_VERSION"),
             views: &self.records,
-            light_map,
             exposure: self.readable,
             palette: &self.palette,
         });
