@@ -30,6 +30,8 @@ pub(super) enum Wish {
     Export,
     /// An export is to stop.
     Cancel,
+    /// The light map is to lie where painted light comes through.
+    Fit,
     /// Pictures are to be brightened by this factor.
     Exposure { value: f64 },
     /// The pictures that the page shows.

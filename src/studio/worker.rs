@@ -96,6 +96,8 @@ pub(super) struct Worker {
     began: Instant,
     last_picture: Instant,
     is_told_of_change: bool,
+    /// Whether the light map lies elsewhere than when pages saw all pictures last.
+    is_moved: bool,
     /// How far the solve was when pages were told last.
     standing: Option<Standing>,
     /// What the first page is told.
@@ -214,6 +216,7 @@ impl Worker {
             began: now,
             last_picture: now,
             is_told_of_change: false,
+            is_moved: false,
             standing: None,
             news,
         };
@@ -298,6 +301,7 @@ impl Worker {
             Wish::Cancel => self.exporting.iter().for_each(|stop| {
                 stop.ask();
             }),
+            Wish::Fit => self.fit(),
             Wish::Exposure { value } if value.is_finite() && value > 0.0 => {
                 self.exposure = value;
                 self.show(Changes::All);
@@ -410,7 +414,11 @@ impl Worker {
             if is_done { State::Rests(Instant::now()) } else { State::Improving((2 * iterations).min(MOST)) };
         let is_first = standing.iterations <= 1;
         if is_first || is_done || self.last_picture.elapsed() > APART {
-            let changes = if is_first { Changes::Paint } else { Changes::Light };
+            let changes = match (std::mem::take(&mut self.is_moved), is_first) {
+                (true, _) => Changes::All,
+                (false, true) => Changes::Paint,
+                (false, false) => Changes::Light,
+            };
             let met = self.show(changes);
             let gradient = standing.gradient.iter().copied().fold(0.0, f64::max);
             self.progress(Phase::Preview, standing.iterations, gradient, met);
@@ -592,6 +600,33 @@ impl Worker {
             Err(Error::Interrupted) => {}
             Err(error) => self.notice(News::Error, error.to_string()),
         }
+    }
+
+    /// Puts the light map where painted light comes through now: where the command would put it, were nothing said.
+    fn fit(&mut self) {
+        match self.fitted() {
+            Ok(live) => self.live = live,
+            Err(error) => {
+                return self.notice(News::Error, format!("the light map stays where it is: {error}"));
+            }
+        }
+        self.changes += 1;
+        self.full = None;
+        self.solving.take().iter().for_each(|stop| {
+            stop.ask();
+        });
+        self.began = Instant::now();
+        self.state = State::Improving(MOST);
+        self.is_moved = true;
+        self.tell_strokes();
+        self.notice(News::Done, "the light map lies where painted light comes through".to_owned());
+    }
+
+    fn fitted(&self) -> Result<LiveJob> {
+        let text = self.document.text(&extent(&self.live))?;
+        let mut setting = self.setting.clone();
+        setting.overrides.push("light_map.extent=null".to_owned());
+        Ok(warm(&setting.job(&text)?, &setting)?.0)
     }
 
     fn export(&mut self) {

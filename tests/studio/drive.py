@@ -39,7 +39,7 @@ class Studio:
         status = pathlib.Path(f"/proc/{self.process.pid}/status").read_text()
         return int(status.split("VmRSS:")[1].split()[0]) / 1024
 
-    def end(self, with_signal=signal.SIGINT):
+    def end(self, with_signal=signal.SIGTERM):
         self.process.send_signal(with_signal)
         return self.process.wait(30)
 

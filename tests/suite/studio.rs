@@ -275,6 +275,41 @@ fn painting_changes_the_pictures_and_what_is_saved_is_what_was_shown() {
     assert_eq!(page.last("strokes").unwrap()["can_redo"], true);
 }
 
+#[test]
+fn the_light_map_goes_to_the_paint_when_it_is_told_to_and_the_command_follows() {
+    let opened = open(citadel());
+    let mut page = opened.page();
+    page.until("the full resolution", Page::is_done);
+    // Far to the side, through light that comes from beside the map.
+    page.say(json!({ "type": "clear", "view": 0 }));
+    page.until("nothing there", |page| page.strokes(0).is_empty());
+    page.say(json!({ "type": "clear", "view": 1 }));
+    page.until("nothing at all", |page| {
+        page.last("progress").is_some_and(|told| told["phase"] == "nothing painted")
+    });
+    page.paint(0, "#20ff40");
+    page.say(json!({ "type": "fit" }));
+    page.until("the move", |page| page.last("notice").is_some());
+    assert_eq!(page.last("notice").unwrap()["kind"], "done", "{:?}", page.last("notice"));
+    page.told.retain(|told| told["type"] != "progress");
+    page.until("the full resolution", Page::is_done);
+    let shown = page.picture("after", 0).unwrap().pixels.clone();
+    page.say(json!({ "type": "save" }));
+    page.until("the save", |page| page.last("strokes").unwrap()["is_saved"] == true);
+    let exposure = page.last("hello").unwrap()["exposure"].as_f64().unwrap();
+    let found = Job::open(opened.scene()).unwrap().solve(&mut Quiet).unwrap();
+    assert_eq!(shown, screen(&found.picture("court").unwrap(), exposure));
+    // It is where the command would have put it.
+    let saved: Value = serde_json::from_str(&std::fs::read_to_string(opened.scene()).unwrap()).unwrap();
+    let mut bare = saved.clone();
+    bare["light_map"].as_object_mut().unwrap().remove("extent");
+    let path = opened.scene().with_file_name("bare.json");
+    std::fs::write(&path, bare.to_string()).unwrap();
+    let live = Job::open(path).unwrap().live(unscatter::job::Preview::Width(320)).unwrap();
+    let least = [0, 1].map(|axis| saved["light_map"]["extent"]["min"][axis].as_f64().unwrap());
+    assert_eq!(least, live.extent().min.to_array());
+}
+
 /// What a screen shows of a picture: sRGB (IEC 61966-2-1) in 8 bits.
 fn screen(picture: &Image, exposure: f64) -> Vec<u8> {
     let code = |linear: f32| {

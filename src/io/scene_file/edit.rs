@@ -83,18 +83,29 @@ pub fn with_strokes(text: &str, strokes: &[Vec<Stroke>]) -> Result<String> {
     Ok(spliced(text, splices))
 }
 
-/// The text of a scene whose light map lies somewhere, where it did not say yet.
+/// Where a scene says that its light map lies.
+///
+/// Errors: as [`strokes`].
+pub fn light_map_extent(text: &str) -> Result<Option<Extent>> {
+    let Some(map) = parsed::<Parts<'_>>(text)?.light_map else { return Ok(None) };
+    parsed::<LightMapParts<'_>>(map.get())?.extent.map(|extent| parsed(extent.get())).transpose()
+}
+
+/// The text of a scene whose light map lies somewhere.
 ///
 /// Errors: as [`strokes`].
 pub fn with_light_map_at(text: &str, extent: &Extent) -> Result<String> {
+    if light_map_extent(text)?.as_ref() == Some(extent) {
+        return Ok(text.to_owned());
+    }
     let parts: Parts<'_> = parsed(text)?;
     let written = on_one_line(&serde_json::to_value(extent))?;
     let splice = match parts.light_map {
         None => member(text, text.trim(), "light_map", &format!("{{ \"extent\": {written} }}")),
-        Some(map) if parsed::<LightMapParts<'_>>(map.get())?.extent.is_none() => {
-            member(text, map.get(), "extent", &written)
-        }
-        Some(_) => return Ok(text.to_owned()),
+        Some(map) => match parsed::<LightMapParts<'_>>(map.get())?.extent {
+            None => member(text, map.get(), "extent", &written),
+            Some(extent) => Splice { at: place(text, extent.get()), by: written },
+        },
     };
     Ok(spliced(text, vec![splice]))
 }
@@ -231,12 +242,19 @@ mod tests {
     }
 
     #[test]
-    fn the_place_of_the_light_map_is_put_in_once() {
+    fn the_place_of_the_light_map_is_put_in_and_put_elsewhere() {
         let extent = Extent { min: [-1.5, 0.1], max: [2.0, 3.0] };
         let edited = with_light_map_at(TEXT, &extent).unwrap();
         let said = "\n    \"light_map\": { \"extent\": { \"min\": [-1.5, 0.1], \"max\": [2, 3] } }\n}\n";
         assert!(edited.ends_with(&format!("\"ambient\": [0.10, 0.2, 0.30],{said}")), "{edited}");
         assert_eq!(with_light_map_at(&edited, &extent).unwrap(), edited);
+        assert_eq!(
+            [light_map_extent(TEXT).unwrap(), light_map_extent(&edited).unwrap()],
+            [None, Some(extent.clone())]
+        );
+        let elsewhere = Extent { min: [0.0, 0.1], ..extent.clone() };
+        let moved = with_light_map_at(&edited, &elsewhere).unwrap();
+        assert_eq!(moved, edited.replace("\"min\": [-1.5, 0.1]", "\"min\": [0, 0.1]"));
         let with_size = TEXT.replace("\"ambient\"", "\"light_map\": { \"size\": 64 },\n    \"ambient\"");
         let edited = with_light_map_at(&with_size, &extent).unwrap();
         assert!(edited.contains("{ \"size\": 64, \"extent\": { \"min\": [-1.5, 0.1]"), "{edited}");

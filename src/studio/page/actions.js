@@ -163,6 +163,7 @@ export const commands = {
   save: () => step('save', true),
   export: () => step('export', !state.isExporting),
   cancel: () => send({ type: 'cancel' }),
+  fitLightMap: () => send({ type: 'fit' }),
   remove,
   clear,
   fit,
