@@ -1,8 +1,8 @@
 //! The studio: an artist paints on the views in a browser, and sees the light shafts follow.
 //!
-//! A face like the command: pages, words, and no algorithm. One thread solves ([`worker`]) with the live job of `job/`; another one serves
-//! the page and its socket to this machine alone ([`server`]). Strokes, undo and the journal are in [`document`], and what both sides say
-//! in [`messages`].
+//! A face like the command: pages, words, and no algorithm. One thread solves (`worker.rs`) with the live job of `job/`; another one serves
+//! the page and its socket to this machine alone (`server.rs`). Strokes, undo and the journal are in `document.rs`, and what both sides say
+//! in `messages.rs`.
 
 mod document;
 mod messages;
