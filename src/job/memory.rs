@@ -5,7 +5,7 @@ use crate::march::{FurtherWeights, ViewRay};
 use crate::operator::Tiling;
 use crate::problem::{Constraint, Optics, Problem, constraints, light_bytes, vectors};
 use crate::scene::{
-    Find, KeyFrame, MetricName, RegularizationWeight, Scene, SolveSettings, Strategy, VolumeScene,
+    Find, KeyFrame, MetricName, RegularizationWeight, Scene, SolveSettings, SolverName, Strategy, VolumeScene,
 };
 use crate::visibility::ShadowMap;
 use crate::{Error, Result, Warning};
@@ -119,13 +119,13 @@ impl MemoryBudget {
         Ok(settings)
     }
 
-    /// Whether tiles save more iterations than they cost. Neighbours that are held together by smoothness cannot stand in for each other as
+    /// Whether tiles save more iterations than they cost. In FISTA neighbours that are held together by smoothness cannot stand in for each other as
     /// they can without it, so tiles save little; what they then cost, beside an iteration of kept rows, is more (docs/solvers.md).
     fn tiles_pay(&self, settings: &SolveSettings, problem: &dyn Problem) -> bool {
         let asked = settings.regularization;
         let is_smooth = [asked.gradient, asked.laplacian] != [RegularizationWeight::Relative(0.0); 2];
         let is_kept = settings.strategy != Strategy::MatrixFree && problem.kept_bytes() <= self.allowed;
-        !(is_smooth && is_kept)
+        !(settings.solver == SolverName::Fista && is_smooth && is_kept)
     }
 }
 

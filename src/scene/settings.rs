@@ -158,7 +158,7 @@ impl SolverName {
 /// What steps are measured with: the nearer to Aᵀ A, the fewer iterations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MetricName {
-    /// The surrogate where smoothness is asked for and rows are kept, and for volumes, whose columns are short; else tiles.
+    /// The surrogate for FISTA where smoothness is asked for and rows are kept, and for volumes, whose columns are short; else tiles.
     #[default]
     Auto,
     /// Dense blocks of 8 × 8 texels or 4 × 4 × 4 voxels that majorize Aᵀ A; of the methods that can use only a diagonal,

@@ -129,7 +129,7 @@ pub enum Solver {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MetricName {
-    /// `sqs` for volumes, and where `gradient` or `laplacian` are asked for and rows are kept; else `tiles`.
+    /// `sqs` for volumes, and for FISTA where `gradient` or `laplacian` are asked for and rows are kept; else `tiles`.
     Auto,
     /// Dense blocks of 8 × 8 texels or 4 × 4 × 4 voxels.
     Tiles,
