@@ -257,6 +257,8 @@ fn painting_changes_the_pictures_and_what_is_saved_is_what_was_shown() {
     // The other page knows of it.
     other.until("the stroke", |page| page.strokes(0).len() == 8);
     other.say(json!({ "type": "save" }));
+    // Who does not listen is not heard: what waits for it comes first.
+    other.until("the save", |page| page.last("strokes").unwrap()["is_saved"] == true);
     page.until("the save", |page| page.last("strokes").unwrap()["is_saved"] == true);
 
     let found = Job::open(opened.scene()).unwrap().solve(&mut Quiet).unwrap();
