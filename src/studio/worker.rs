@@ -158,7 +158,9 @@ impl Worker {
         pages: broadcast::Sender<Sent>,
     ) -> Result<Self> {
         let mut news = Vec::new();
-        let (document, brought_back, set_aside) = Document::open(&setting.path, text.clone())?;
+        // What is wrong in a scene is told with its place, and before anything is written beside it.
+        let (job, scene) = (setting.job(&text)?, setting.scene(&text)?);
+        let (document, brought_back, set_aside) = Document::open(&setting.path, text)?;
         if brought_back > 0 {
             let text = format!("{brought_back} changes that were not saved have been brought back");
             news.push((News::Done, text));
@@ -170,7 +172,6 @@ impl Worker {
             );
             news.push((News::Warning, text));
         }
-        let (job, scene) = (setting.job(&text)?, setting.scene(&text)?);
         if scene.surroundings.is_some() {
             return Err(Error::Empty {
                 reason: "the studio shows no lights around a scene that are looked for".to_owned(),
@@ -706,7 +707,8 @@ fn patient_threads() -> Option<Arc<rayon::ThreadPool>> {
         #[cfg(target_os = "linux")]
         {
             // Of this thread alone. Where that is not allowed, they are as urgent as others.
-            _ = rustix::process::setpriority_process(None, 19);
+            // Not to the last: beside other programs it would take minutes.
+            _ = rustix::process::setpriority_process(None, 5);
         }
     });
     threads.build().ok().map(Arc::new)
