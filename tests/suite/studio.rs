@@ -350,6 +350,16 @@ fn a_studio_that_ends_loses_nothing_and_a_second_one_is_refused() {
 }
 
 #[test]
+fn a_broken_scene_is_told_with_its_place_and_leaves_nothing_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.json");
+    std::fs::write(&path, "{ \"version\": 1,\n  \"views\": [ }").unwrap();
+    let refused = studio(&path).serve(&Stop::default(), |_| ());
+    assert!(matches!(refused, Err(Error::Scene { line: 2, .. })), "{refused:?}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
 fn what_no_page_would_say_is_answered_or_ends_the_page_and_harms_no_other() {
     let opened = open(citadel());
     let mut page = opened.page();
