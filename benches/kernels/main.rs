@@ -16,6 +16,7 @@
 
 mod fista;
 mod overhead;
+mod pictures;
 #[path = "../rates/mod.rs"]
 mod rates;
 mod rows;
@@ -76,6 +77,7 @@ fn main() {
     rows::volumes(&mut rates, gpu, shrunk);
     tiles::bench(&mut rates, both, &field);
     tiles::surfaces(&mut rates, gpu);
+    pictures::bench(&mut rates, gpu, shrunk);
     overhead::first_call(&mut rates, &choice);
     rates.finish();
 }

@@ -382,6 +382,8 @@ pub(crate) struct RenderArguments {
     pub(crate) turntable: u32,
     #[command(flatten)]
     pub(crate) pictures: PictureArguments,
+    #[command(flatten)]
+    pub(crate) backend: BackendArguments,
 }
 
 /// A part of the light.

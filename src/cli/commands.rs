@@ -199,7 +199,9 @@ pub(super) fn render(arguments: &RenderArguments, manners: &Manners) -> Result<D
         None => DrawnLight::All,
     };
     let exr = arguments.pictures.exr.into();
-    let options = Options { turntable: arguments.turntable as usize, light, exr, ..Options::default() };
+    let engine = arguments.backend.choice();
+    let options =
+        Options { engine, turntable: arguments.turntable as usize, light, exr, ..Options::default() };
     watch_interrupt(&options.stop, Some(folder.clone()))?;
     let drawn = job.with(options).draw(arguments.light_map.as_deref(), folder, &mut bar)?;
     let Some(drawn) = drawn else { return Ok(Done::Interrupted) };

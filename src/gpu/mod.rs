@@ -18,6 +18,6 @@ pub use device::{
 };
 pub use kernels::{Accumulation, KernelText, kernel_texts};
 pub use known_answers::known_answers;
-pub use operators::{DeviceOperator, GpuOperator, Kept, TileMetric, Walked};
+pub use operators::{DepthPyramid, DeviceOperator, GpuOperator, Kept, TileMetric, Walked};
 pub use surfaces::surfaces_seen;
 pub use vectors::{DeviceSum, GpuVector, Index};

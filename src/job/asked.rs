@@ -21,7 +21,7 @@ pub(crate) struct AskedProblem {
     pub(crate) views: usize,
     pub(crate) pixels: usize,
     pub(crate) problem: Box<dyn Problem>,
-    /// How it is solved.
+    /// How it is asked to be solved; see [`MemoryBudget::settled`].
     pub(crate) settings: SolveSettings,
     pub(crate) memory: MemoryBudget,
     /// How often such a problem is solved at most: steps of a refinement, and rounds.
@@ -69,7 +69,7 @@ impl Scenes {
                 find: "light map",
                 views: scene.views.len(),
                 pixels: scene.pixels(),
-                settings: memory.settled(scene.solve.clone(), &problem)?,
+                settings: scene.solve.clone(),
                 problem: Box::new(problem),
                 memory,
                 solves: 1,
@@ -82,13 +82,12 @@ impl Scenes {
             let problems = volume::problems(&scene, geometry, steps)?;
             let seconds = clock.elapsed().as_secs_f64();
             for problem in problems {
-                let settings = VolumeProblem::settings(&scene, problem.find);
                 all.push(AskedProblem {
                     scene: scene.name.clone(),
                     find: problem.find.name(),
                     views: scene.views.len(),
                     pixels: scene.pixels(),
-                    settings: memory.settled(settings, &problem)?,
+                    settings: VolumeProblem::settings(&scene, problem.find),
                     solves: scene.rounds
                         * if problem.find == Find::Refinement { scene.extinction.steps } else { 1 },
                     problem: Box::new(problem),

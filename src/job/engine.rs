@@ -6,7 +6,7 @@ use super::observer::Stop;
 use crate::Warning;
 #[cfg(feature = "gpu")]
 use crate::gpu::{Choice, Gpu, SimulatedFault, may_have_hardware};
-use crate::problem::Paused;
+use crate::problem::{Canvas, Paused};
 use crate::{Error, Result};
 
 /// What is to compute.
@@ -33,7 +33,7 @@ pub struct EngineChoice {
 }
 
 /// What computes.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) enum Engine {
     /// The processor.
     Cpu,
@@ -143,10 +143,54 @@ impl Engine {
     }
 }
 
+impl Engine {
+    /// Lets what computes draw. When an adapter fails at it and the processor may take its place, that draws, and computes all that follows.
+    pub(super) fn draw<T>(&mut self, mut draw: impl FnMut(&Canvas) -> Result<T>) -> Result<T> {
+        #[cfg(feature = "gpu")]
+        if let Self::Gpu { gpu, or_cpu } = self
+            && gpu.draws()
+        {
+            match draw(&Canvas::Adapter(gpu.clone())) {
+                Err(error) if *or_cpu && error.is_of_adapter() => {
+                    Warning::new("adapter", format!("{error}; drawing on the processor"), "").tell();
+                    *self = Self::Cpu;
+                }
+                drawn => return drawn,
+            }
+        }
+        draw(&Canvas::Processor)
+    }
+}
+
 /// The processor, for those who ask for it and for no adapter.
 fn cpu(asked: &EngineChoice) -> Result<Engine> {
     match &asked.adapter {
         None => Ok(Engine::Cpu),
         Some(name) => Err(Error::value("adapter", name, "left away where the processor computes")),
+    }
+}
+
+#[cfg(all(test, feature = "gpu"))]
+mod tests {
+    use super::*;
+    use crate::gpu::Tactics;
+
+    #[test]
+    #[ignore = "needs a graphics adapter; ./test.sh brings one"]
+    fn what_a_lost_adapter_should_have_drawn_the_processor_draws() {
+        let draw = |canvas: &Canvas| match canvas {
+            Canvas::Processor => Ok(()),
+            Canvas::Adapter(_) => {
+                Err(Error::Adapter { adapter: "one".to_owned(), problem: "is gone".to_owned(), remedy: "" })
+            }
+        };
+        let choice = Choice { software: true, tactics: Some(Tactics::HARDWARE), ..Choice::default() };
+        let gpu = Gpu::open(&choice).unwrap();
+        let mut strict = Engine::Gpu { gpu: gpu.clone(), or_cpu: false };
+        assert!(strict.draw(draw).is_err());
+        let mut lenient = Engine::Gpu { gpu, or_cpu: true };
+        let (drawn, told) = crate::warning::collected(|| lenient.draw(draw));
+        assert!(drawn.is_ok() && told.len() == 1);
+        assert!(matches!(lenient, Engine::Cpu));
     }
 }

@@ -21,7 +21,7 @@ use super::warnings;
 use crate::Warning;
 use crate::io::scene_file::Chosen;
 use crate::operator::CpuVector;
-use crate::problem::{Assessment, Assessor, LightMapProblem, Match, Traced, held_back, render};
+use crate::problem::{Assessment, Assessor, Canvas, LightMapProblem, Match, Renderer, Traced, held_back};
 use crate::report::{
     self, Change, HueAngles, LightRecord, Report, Share, SunRecord, SurroundingsRecord, ViewMatch,
 };
@@ -92,7 +92,7 @@ pub(super) fn solve(
     let pictures = match options.pictures {
         true => {
             steps.begin("rendering", Some(scene.views.len() as u64));
-            draw(scene, &problem, &computed.solved.x, &assessments, steps)?
+            draw(scene, &problem, &computed.solved.x, &assessments, engine, steps)?
         }
         false => Vec::new(),
     };
@@ -246,10 +246,12 @@ fn draw(
     problem: &LightMapProblem,
     elements: &[Rgb],
     [before, after]: &[Assessment; 2],
+    engine: &mut Engine,
     steps: &mut Steps<'_>,
 ) -> Result<Vec<ViewImages>> {
+    let renderer = Renderer::new(scene, &problem.maps, Some(elements))?;
     let draw_view = |view: usize| {
-        let rendering = render(scene, &problem.maps, Some(elements), view)?;
+        let rendering = engine.draw(|canvas| renderer.picture(view, canvas))?;
         let width = scene.views[view].camera.size()[0];
         let rows = problem.constraints.iter().enumerate();
         let rows = rows.filter(|(_, pixel)| pixel.view == view && pixel.weight > 0.0);
@@ -282,7 +284,8 @@ fn write_sky((scene, exposure): (&Scene, f64), folder: &Folder, further: &[Rgb])
 fn preview(scene: &Scene, problem: &LightMapProblem, folder: &Folder, elements: &[Rgb]) -> Result<()> {
     let [texels, _] = problem.parted(elements);
     folder.write_picture("light_map", &light_map_picture(problem, texels)?, exposure_of(problem))?;
-    let drawn = (0..scene.views.len()).map(|view| render(scene, &problem.maps, Some(elements), view));
+    let renderer = Renderer::new(scene, &problem.maps, Some(elements))?;
+    let drawn = (0..scene.views.len()).map(|view| renderer.picture(view, &Canvas::Processor));
     let drawn = drawn.collect::<Result<Vec<_>>>()?;
     let exposure = scene.exposure.unwrap_or_else(|| readable(drawn.iter().map(|it| &it.before)));
     for (seen, drawn) in scene.views.iter().zip(&drawn) {

@@ -41,7 +41,7 @@ use crate::io::scene_file::{
     Animated, AnimatedVolume, Document, Resolved, SceneFile, Subject, VolumeDocument,
 };
 use crate::io::volume::Format;
-use crate::problem::{DrawnLight, fit, render_light};
+use crate::problem::{DrawnLight, Renderer, fit};
 use crate::scene::{Scene, VolumeScene};
 use crate::visibility::Geometry;
 use crate::{Error, Result, Warning, io, warning};
@@ -59,6 +59,7 @@ pub(crate) use folder::Folder;
 pub(crate) use folder::abandon;
 pub use live::{LiveJob, LivePictures, Preview, Standing};
 pub use matrix::Exported;
+pub(crate) use memory::MemoryBudget;
 #[cfg(feature = "cli")]
 pub(crate) use memory::mebibytes;
 pub use observer::{Iteration, Observer, Quiet, Step, Stop, Wish};
@@ -316,18 +317,27 @@ impl Job {
         observer: &mut impl Observer,
     ) -> Result<Option<Vec<PathBuf>>> {
         let folder = Folder::create(folder)?.of("render", self.scenes.name()).with_exr(self.options.exr);
+        let mut engine = Engine::open(&self.options.engine, &self.options.stop)?;
         let mut steps = self.steps(observer);
         let mut names = Vec::new();
         let is_whole = match &self.scenes {
             Scenes::LightMap(scene) => {
-                draw(scene, (light_map, self.options.light), &folder, &mut steps, &mut names)?
+                draw(scene, (light_map, self.options.light), (&mut engine, &folder), &mut steps, &mut names)?
             }
             _ => {
                 let (geometry, turns) = (self.scenes.geometry()?, self.options.turntable);
                 let mut is_whole = true;
                 for (prefix, scene) in &self.scenes.volumes() {
                     is_whole = is_whole
-                        && volume::draw(scene, &geometry, prefix, turns, &folder, &mut steps, &mut names)?;
+                        && volume::draw(
+                            scene,
+                            &geometry,
+                            prefix,
+                            turns,
+                            (&mut engine, &folder),
+                            &mut steps,
+                            &mut names,
+                        )?;
                 }
                 is_whole
             }
@@ -351,7 +361,7 @@ impl Job {
 fn draw(
     scene: &Scene,
     (light_map, light): (Option<&Path>, DrawnLight),
-    folder: &Folder,
+    (engine, folder): (&mut Engine, &Folder),
     steps: &mut Steps<'_>,
     names: &mut Vec<String>,
 ) -> Result<bool> {
@@ -365,13 +375,14 @@ fn draw(
     warnings::tell_of_fog(scene, &maps.geometry);
     warnings::tell_of_panes(&maps);
     steps.begin("rendering", Some(scene.views.len() as u64));
+    let texels = picture.as_ref().map(|picture| &picture.pixels[..]);
+    let renderer = Renderer::new(scene, &maps, texels)?.showing(light);
     let mut drawn = Vec::new();
     for view in 0..scene.views.len() {
         if steps.stops() {
             return Ok(false);
         }
-        let texels = picture.as_ref().map(|picture| &picture.pixels[..]);
-        drawn.push(render_light(scene, &maps, texels, view, light)?);
+        drawn.push(engine.draw(|canvas| renderer.picture(view, canvas))?);
         steps.advance(view as u64 + 1, "");
     }
     let exposure = scene.exposure.unwrap_or_else(|| readable(drawn.iter().map(|it| &it.before)));

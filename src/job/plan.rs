@@ -72,6 +72,7 @@ pub struct Plan {
 impl Plan {
     pub(super) fn of(asked: AskedProblem) -> Result<Self> {
         let AskedProblem { scene, find, views, pixels, problem, settings, memory, solves, seconds } = asked;
+        let settings = memory.settled(settings, &*problem)?;
         let (budget, bytes) = (memory.budget(&settings, &*problem)?, problem.kept_bytes());
         // Lights that do not fit are not kept in part: light volumes take their place.
         let walked = problem.sampled(1).on_cpu(Strategy::MatrixFree, budget)?.storage();

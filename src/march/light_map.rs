@@ -92,18 +92,13 @@ impl LightMapTraversal {
 
     /// The same rows, with panes as solid as all else on the way of the light and on that of the eye.
     pub fn before_panes(&self) -> Self {
-        let shadow_map = match self.transport.shadow_map.behind() {
-            None => self.transport.shadow_map.clone(),
-            Some(_) => Arc::new((*self.transport.shadow_map).clone().with_solid_panes()),
-        };
         let first = |row: usize| self.seen_by(row).first().map_or(f64::INFINITY, |pane| pane.distance);
         let cut = |(row, ray): (usize, &ViewRay)| ViewRay { length: ray.length.min(first(row)), ..*ray };
         let rays = match self.seen {
             None => self.rays.clone(),
             Some(_) => self.rays.iter().enumerate().map(cut).collect(),
         };
-        let transport = LightMapTransport { shadow_map, ..self.transport.clone() };
-        Self { transport, rays, seen: None, ..self.clone() }
+        Self { transport: self.transport.before_panes(), rays, seen: None, ..self.clone() }
     }
 
     /// What the rows have beside texels along the rays up to panes: light that panes have coloured, and further weights. None where that
@@ -329,6 +324,15 @@ impl LightMapTraversal {
 }
 
 impl LightMapTransport {
+    /// The same, with panes as solid as all else.
+    pub fn before_panes(&self) -> Self {
+        let shadow_map = match self.shadow_map.behind() {
+            None => self.shadow_map.clone(),
+            Some(_) => Arc::new((*self.shadow_map).clone().with_solid_panes()),
+        };
+        Self { shadow_map, ..self.clone() }
+    }
+
     /// The distance at which the clearest channel's transmittance is the bound, in metres.
     fn reach(&self) -> f64 {
         -self.transmittance_bound.ln() / self.sigma_t.iter().copied().fold(f64::INFINITY, f64::min)

@@ -1,6 +1,7 @@
 //! From a scene and what is painted on it to a least-squares problem, and from its solution to pictures.
 
 mod assess;
+mod canvas;
 mod cells;
 mod colors;
 mod constraints;
@@ -19,6 +20,7 @@ mod rasterized;
 mod reach;
 mod render;
 mod scattered;
+mod scattering;
 mod sight;
 mod sky;
 mod solution;
@@ -29,6 +31,7 @@ mod system;
 mod volume;
 
 pub use assess::{Assessment, Assessor, Match};
+pub use canvas::Canvas;
 pub use constraints::{Constraint, constraints, pixels};
 pub use diffusion::{Diffused, Known, diffuse};
 pub use evenly::evenly;
@@ -41,7 +44,7 @@ pub use painting::{Painting, paint};
 #[cfg(feature = "gpu")]
 pub use rasterized::Rasterized;
 pub use reach::{OutOfReach, held_back};
-pub use render::{Backdrop, DrawnLight, Rendering, render, render_light};
+pub use render::{Backdrop, DrawnLight, Renderer, Rendering, render};
 pub use sky::SkyBeam;
 pub use solution::{Begin, Paused, Snapshot, SystemOperator, measure, method, minimize, solve, vectors};
 pub use solved::Solved;

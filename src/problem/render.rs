@@ -2,16 +2,14 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::Maps;
 use super::light_map::transport;
+use super::scattering::{Light, Scattering};
 use super::surroundings::{Corners, Seen};
-use crate::march::{LightMapTraversal, LitRay, SeenPanes, Traversal, ViewRay};
+use super::{Canvas, Maps};
+use crate::march::{LightMapTraversal, SeenPanes, ViewRay};
 use crate::scene::{Image, Rgb, Scene, rgb};
 use crate::visibility::ShadowMap;
 use crate::{Error, Result};
-
-/// Rows of pixels whose rays are held at once.
-const PIXELS_AT_ONCE: usize = 1 << 15;
 
 /// A view under constant light and under a light map.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,20 +18,6 @@ pub struct Rendering {
     pub before: Image,
     /// Under the light map; the same as `before` where none was given.
     pub after: Image,
-}
-
-/// Renders a view with the light's own radiance, and with a light map. `light_map` has the texels alone, and the surroundings are as
-/// they start; or it has all elements of a problem, which are the texels and behind them those of the surroundings.
-///
-/// Scattered light is that of the operator that is solved with, over all pixels. To it come surfaces (diffuse, lit by
-/// the sun and the lights of the sky where nothing blocks them, and by the ambient light), what the medium scatters of those lights,
-/// and the ambient light that it scatters, so that pictures can be read.
-///
-/// Errors: [`Error::Shape`] for a light map of another size, [`Error::NonFinite`] naming the pixel.
-/// Cost    two walks a pixel: one that finds what is lit, one through texels there that differ from the light's radiance; and one more
-///         that finds what is lit for every light of the sky that is not dark
-pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize) -> Result<Rendering> {
-    render_light(scene, maps, light_map, view, DrawnLight::All)
 }
 
 /// Which light a picture shows.
@@ -46,34 +30,128 @@ pub enum DrawnLight {
     Scattered,
 }
 
-/// As [`render`], with some of the light.
+/// Renders a view on the processor, with the light's own radiance and with a light map: see [`Renderer`].
 ///
-/// Errors: as [`render`].
-pub fn render_light(
-    scene: &Scene,
-    maps: &Maps,
-    light_map: Option<&[Rgb]>,
-    view: usize,
+/// Errors: as [`Renderer::new`] and [`Renderer::picture`].
+pub fn render(scene: &Scene, maps: &Maps, light_map: Option<&[Rgb]>, view: usize) -> Result<Rendering> {
+    Renderer::new(scene, maps, light_map)?.picture(view, &Canvas::Processor)
+}
+
+/// Renders views with the light's own radiance, and with a light map.
+///
+/// Scattered light is that of the operator that is solved with, over all pixels. To it come surfaces (diffuse, lit by
+/// the sun and the lights of the sky where nothing blocks them, and by the ambient light), what the medium scatters of those lights,
+/// and the ambient light that it scatters, so that pictures can be read.
+///
+/// Cost    two walks a pixel: one that finds what is lit, one through texels there that differ from the light's radiance; and one more
+///         that finds what is lit for every light of the sky that is not dark
+#[derive(Debug)]
+pub struct Renderer<'a> {
+    scene: &'a Scene,
+    maps: &'a Maps,
+    changed: Option<Changed>,
     light: DrawnLight,
-) -> Result<Rendering> {
-    let changed = light_map.map(|texels| Changed::new(scene, maps, texels)).transpose()?;
-    let camera = &scene.views[view].camera;
-    let [width, height] = camera.size();
-    let mut pixels: Vec<[Rgb; 2]> = Vec::with_capacity(width * height);
-    for first in (0..width * height).step_by(PIXELS_AT_ONCE) {
-        let indices = first..(first + PIXELS_AT_ONCE).min(width * height);
-        let seen: Vec<Seen> = indices
-            .into_par_iter()
-            .map(|index| Seen::along(maps, camera.pixel_ray(index % width, index / width)))
-            .collect();
-        pixels.append(&mut render_pixels(scene, maps, changed.as_ref(), &seen, light));
+}
+
+impl<'a> Renderer<'a> {
+    /// `light_map` has the texels alone, and the surroundings are as they start; or it has all elements of a problem, which are the texels
+    /// and behind them those of the surroundings. Pictures show all light.
+    ///
+    /// Errors: [`Error::Shape`] for a light map of another size.
+    pub fn new(scene: &'a Scene, maps: &'a Maps, light_map: Option<&[Rgb]>) -> Result<Self> {
+        let changed = light_map.map(|texels| Changed::new(scene, maps, texels)).transpose()?;
+        Ok(Self { scene, maps, changed, light: DrawnLight::All })
     }
-    let name = &scene.views[view].name;
-    let picture = |which: usize| {
-        let pixels = pixels.par_iter().map(|pixel| pixel[which]).collect();
-        Image::new([width, height], pixels)?.finite(&format!("the picture of view `{name}`"))
-    };
-    Ok(Rendering { before: picture(0)?, after: picture(1)? })
+
+    /// Shows some of the light alone.
+    pub fn showing(self, light: DrawnLight) -> Self {
+        Self { light, ..self }
+    }
+
+    /// The pictures of a view.
+    ///
+    /// Errors: [`Error::NonFinite`] naming the pixel; those of an adapter.
+    pub fn picture(&self, view: usize, canvas: &Canvas) -> Result<Rendering> {
+        let Self { scene, maps, changed, .. } = self;
+        let light = Light { scene, change: changed.as_ref().map(|changed| &changed.difference[..]) };
+        let scattering = Scattering::new(canvas, light, maps)?;
+        let camera = &scene.views[view].camera;
+        let [width, height] = camera.size();
+        let mut pixels: Vec<[Rgb; 2]> = Vec::with_capacity(width * height);
+        for first in (0..width * height).step_by(canvas.pixels_at_once()) {
+            let indices = first..(first + canvas.pixels_at_once()).min(width * height);
+            let seen: Vec<Seen> = indices
+                .into_par_iter()
+                .map(|index| Seen::along(maps, camera.pixel_ray(index % width, index / width)))
+                .collect();
+            pixels.append(&mut self.pixels(&seen, &scattering)?);
+        }
+        let name = &scene.views[view].name;
+        let picture = |which: usize| {
+            let pixels = pixels.par_iter().map(|pixel| pixel[which]).collect();
+            Image::new([width, height], pixels)?.finite(&format!("the picture of view `{name}`"))
+        };
+        Ok(Rendering { before: picture(0)?, after: picture(1)? })
+    }
+
+    /// Before and after of some pixels.
+    fn pixels(&self, seen: &[Seen], scattering: &Scattering) -> Result<Vec<[Rgb; 2]>> {
+        let Self { scene, maps, changed, .. } = self;
+        let rays: Vec<ViewRay> = seen
+            .par_iter()
+            .map(|Seen { ray, hit, .. }| {
+                let length = hit.map_or(f64::INFINITY, |hit| hit.distance);
+                ViewRay::new(ray, length, &maps.frame, &scene.medium)
+            })
+            .collect();
+        let mut transport = transport(scene, maps, scene.solve.quadrature);
+        transport.mask = changed.as_ref().map(|changed| changed.mask.clone());
+        let has_panes = maps.geometry.has_panes();
+        let panes = has_panes.then(|| SeenPanes::new(seen.iter().map(|seen| &seen.panes[..]))).flatten();
+        let rows = LightMapTraversal::new(transport, rays.into()).through_panes(panes);
+        let scattered = scattering.of(&rows)?;
+        let pixel = |(row, [plain, change]): (usize, [Rgb; 2])| {
+            let changed_sun = changed.as_ref().map_or([0.0; 3], |changed| changed.sun);
+            let outside = match changed_sun {
+                [0.0, 0.0, 0.0] => [0.0; 3],
+                _ => rows.outside_weight(row),
+            };
+            let changed_outside = rgb(|c| outside[c] as f32 * changed_sun[c]);
+            match self.light {
+                DrawnLight::Scattered => [plain, rgb(|c| plain[c] + change[c] + changed_outside[c])],
+                DrawnLight::All => {
+                    let [before, surface, around] = self.beside(&seen[row], plain);
+                    [before, rgb(|c| before[c] + change[c] + surface[c] + changed_outside[c] + around[c])]
+                }
+            }
+        };
+        Ok(scattered.into_par_iter().enumerate().map(pixel).collect())
+    }
+
+    /// All that a pixel shows before, what of it the medium scatters of the sun being known; and what a light map changes of the sun on
+    /// its surface, and of the sky.
+    fn beside(&self, seen: &Seen, scattered: Rgb) -> [Rgb; 3] {
+        let Self { scene, maps, changed, .. } = self;
+        let start = scene.light.radiance;
+        let sky =
+            scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()).map_or(&[][..], |sky| &sky.start);
+        let changed_sky = changed.as_ref().map_or(&[][..], |it| &it.sky);
+        let of_ambient = seen.of_ambient(scene);
+        let sun = seen.reflected(scene, maps, -scene.light.direction);
+        let of_sky = OfSky::new(scene, maps, seen, [sky, changed_sky]);
+        let around = of_sky.shown(sky);
+        let before = rgb(|c| {
+            let known = scene.ambient[c] * of_ambient[c] + scattered[c];
+            known + sun.map_or(0.0, |(_, share)| share[c] * start[c]) + around[c]
+        });
+        let Some(changed) = changed else { return [before, [0.0; 3], [0.0; 3]] };
+        let surface = sun.map_or([0.0; 3], |(point, share)| {
+            let corners = Corners::around(maps, scene.solve.basis, point);
+            let light = corners.map_or(changed.sun, |corners| corners.value(&changed.difference));
+            rgb(|c| share[c] * light[c])
+        });
+        [before, surface, of_sky.shown(changed_sky)]
+    }
 }
 
 /// What the pixels of a view show under the plain light, and which texels light the surfaces there: all of a picture but what the medium
@@ -88,7 +166,7 @@ pub struct Backdrop {
 impl Backdrop {
     /// Of a view of a scene whose lights around are not looked for.
     ///
-    /// Errors: as [`render`].
+    /// Errors: as [`Renderer::picture`].
     pub fn new(scene: &Scene, maps: &Maps, view: usize) -> Result<Self> {
         let camera = &scene.views[view].camera;
         let [width, height] = camera.size();
@@ -120,6 +198,7 @@ impl Backdrop {
 }
 
 /// A light map and the further elements behind its texels, as differences from their start.
+#[derive(Debug)]
 struct Changed {
     difference: Vec<Rgb>,
     /// Where a texel differs from its start, or one beside it does: the support of the basis.
@@ -162,83 +241,6 @@ impl Changed {
     }
 }
 
-/// Before and after of some pixels.
-fn render_pixels(
-    scene: &Scene,
-    maps: &Maps,
-    changed: Option<&Changed>,
-    seen: &[Seen],
-    light: DrawnLight,
-) -> Vec<[Rgb; 2]> {
-    let rays: Vec<ViewRay> = seen
-        .par_iter()
-        .map(|Seen { ray, hit, .. }| {
-            let length = hit.map_or(f64::INFINITY, |hit| hit.distance);
-            ViewRay::new(ray, length, &maps.frame, &scene.medium)
-        })
-        .collect();
-    let mut transport = transport(scene, maps, scene.solve.quadrature);
-    transport.mask = changed.map(|changed| changed.mask.clone());
-    let has_panes = maps.geometry.has_panes();
-    let panes = has_panes.then(|| SeenPanes::new(seen.iter().map(|seen| &seen.panes[..]))).flatten();
-    let traversal = LightMapTraversal::new(transport, rays.into()).through_panes(panes);
-    let start = scene.light.radiance;
-    let sky = scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()).map_or(&[][..], |sky| &sky.start);
-    (0..seen.len())
-        .into_par_iter()
-        .map(|row| {
-            if light == DrawnLight::Scattered {
-                return scattered(scene, &traversal, row, changed);
-            }
-            let of_ambient = seen[row].of_ambient(scene);
-            let sun = seen[row].reflected(scene, maps, -scene.light.direction);
-            let lit_ray = traversal.lit_ray(row);
-            let lit = lit_ray.weight();
-            let of_sky = OfSky::new(scene, maps, &seen[row], [sky, changed.map_or(&[], |it| &it.sky)]);
-            let around = of_sky.shown(sky);
-            let before = rgb(|c| {
-                let known = scene.ambient[c] * of_ambient[c] + lit[c] as f32 * start[c];
-                known + sun.map_or(0.0, |(_, share)| share[c] * start[c]) + around[c]
-            });
-            let Some(changed) = changed else { return [before; 2] };
-            let scattered = gather(scene, &lit_ray, &changed.difference);
-            let incident = sun.map(|(point, share)| {
-                let corners = Corners::around(maps, scene.solve.basis, point);
-                (share, corners.map_or(changed.sun, |corners| corners.value(&changed.difference)))
-            });
-            let outside = match changed.sun {
-                [0.0, 0.0, 0.0] => [0.0; 3],
-                _ => traversal.outside_weight(row),
-            };
-            let around = of_sky.shown(&changed.sky);
-            let after = rgb(|c| {
-                let by_texels = before[c] + scattered[c];
-                by_texels
-                    + incident.map_or(0.0, |(share, light)| share[c] * light[c])
-                    + outside[c] as f32 * changed.sun[c]
-                    + around[c]
-            });
-            [before, after]
-        })
-        .collect()
-}
-
-/// What the medium scatters of the sun, before and after.
-fn scattered(
-    scene: &Scene,
-    traversal: &LightMapTraversal,
-    row: usize,
-    changed: Option<&Changed>,
-) -> [Rgb; 2] {
-    let lit_ray = traversal.lit_ray(row);
-    let lit = lit_ray.weight();
-    let before = rgb(|c| lit[c] as f32 * scene.light.radiance[c]);
-    let Some(changed) = changed else { return [before; 2] };
-    let change = gather(scene, &lit_ray, &changed.difference);
-    let outside = traversal.outside_weight(row);
-    [before, rgb(|c| before[c] + change[c] + outside[c] as f32 * changed.sun[c])]
-}
-
 /// What a pixel shows of the lights of the sky that are not dark.
 struct OfSky(Vec<[f64; 3]>);
 
@@ -255,13 +257,4 @@ impl OfSky {
         };
         rgb(|c| sum(c) as f32)
     }
-}
-
-fn gather(scene: &Scene, row: &LitRay, texels: &[Rgb]) -> Rgb {
-    let sum = if scene.medium.is_grey() && row.is_grey() {
-        Traversal::<f64, 1>::gather(row, 0, texels)
-    } else {
-        Traversal::<f64, 3>::gather(row, 0, texels)
-    };
-    sum.map(|value| value as f32)
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DAffine3, DQuat, DVec3};
-use unscatter::problem::{Desired, Model, Optics, VolumeProblem, VolumeRenderer, VolumeState};
+use unscatter::problem::{Canvas, Desired, Model, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use unscatter::scene::{
     Camera, Environment, ExtinctionSettings, Find, FovAxis, Image, Interpolation, LightBasis, Mesh, Opacity,
     Over, PropertyBounds, Regularization, RegularizationWeight, Rgb, Samples, SolveSettings, Target, View,
@@ -174,7 +174,7 @@ pub fn pictures_in(scene: &VolumeScene, state: &VolumeState, find: Find) -> Vec<
     let optics = optics(scene, state);
     let model: Model = VolumeProblem::model(scene, find);
     let renderer = VolumeRenderer::new(scene, medium, &optics, model);
-    (0..scene.views.len()).map(|view| renderer.picture(view).unwrap()).collect()
+    (0..scene.views.len()).map(|view| renderer.picture(view, &Canvas::Processor).unwrap()).collect()
 }
 
 /// Every pixel is wanted to be as in a picture.

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde_json::{Value, json};
 use unscatter::io::image::read_image;
 use unscatter::io::scene_file;
-use unscatter::problem::{DrawnLight, fit, render_light};
+use unscatter::problem::{Canvas, DrawnLight, Renderer, fit};
 use unscatter::scene::{Image, Rgb, Scene};
 use unscatter::visibility::Geometry;
 
@@ -62,7 +62,8 @@ fn room(sigma_t: f64, size: [usize; 2]) -> Scene {
 fn scattered(scene: &Scene) -> Image {
     let geometry = Arc::new(Geometry::new(scene.mesh.clone()).unwrap());
     let maps = fit(scene, &scene.light_map, &geometry).unwrap();
-    render_light(scene, &maps, None, 0, DrawnLight::Scattered).unwrap().before
+    let renderer = Renderer::new(scene, &maps, None).unwrap().showing(DrawnLight::Scattered);
+    renderer.picture(0, &Canvas::Processor).unwrap().before
 }
 
 #[test]

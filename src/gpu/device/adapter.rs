@@ -125,14 +125,18 @@ pub struct Tactics {
     pub holds_tiles: bool,
     /// Whoever waits asks again and again for a moment before it sleeps: to be woken takes longer than many an iteration.
     pub spins: bool,
+    /// The rays of pictures are walked there. What a software adapter walks is walked by the processor in any case, and by more roundabout
+    /// means.
+    pub draws: bool,
 }
 
 impl Tactics {
     /// For hardware.
-    pub const HARDWARE: Self = Self { sums_near: true, interleaved: true, holds_tiles: true, spins: true };
+    pub const HARDWARE: Self =
+        Self { sums_near: true, interleaved: true, holds_tiles: true, spins: true, draws: true };
     /// For software adapters: few lanes run at once, all memory is the processor's, and who waits takes its time.
     pub const SOFTWARE: Self =
-        Self { sums_near: false, interleaved: false, holds_tiles: false, spins: false };
+        Self { sums_near: false, interleaved: false, holds_tiles: false, spins: false, draws: false };
 }
 
 /// What can go wrong with an adapter, so that it can be brought about.

@@ -190,6 +190,11 @@ impl Gpu {
         })
     }
 
+    /// Whether pictures are drawn there quicker than on the processor.
+    pub fn draws(&self) -> bool {
+        self.0.tactics.draws
+    }
+
     /// How it is used.
     pub(in crate::gpu) fn tactics(&self) -> Tactics {
         self.0.tactics

@@ -14,6 +14,7 @@ mod walked;
 
 pub use device_operator::DeviceOperator;
 pub use kept::Kept;
+pub use light_map::DepthPyramid;
 pub use operator::GpuOperator;
 pub use tiles::TileMetric;
 pub use walked::Walked;

@@ -33,6 +33,8 @@ pub(crate) struct FoundAnimation {
     keys: Vec<SolvedKey>,
     frames: Vec<usize>,
     is_interrupted: bool,
+    /// What draws the frames between them.
+    engine: Engine,
 }
 
 /// Solves the key frames and spreads what they found.
@@ -46,9 +48,9 @@ pub(in crate::job) fn solve_keys(
     let frames = asked(options.frames.clone(), animated.animation.frames)?;
     let mut keys = solve(animated, engine, options, folder, steps)?;
     spread(&mut keys, animated, steps)?;
-    keys.iter_mut().try_for_each(|key| key.draw(steps))?;
+    keys.iter_mut().try_for_each(|key| key.draw(engine, steps))?;
     let is_interrupted = steps.stops();
-    Ok(FoundAnimation { animated: animated.clone(), keys, frames, is_interrupted })
+    Ok(FoundAnimation { animated: animated.clone(), keys, frames, is_interrupted, engine: engine.clone() })
 }
 
 impl FoundAnimation {
@@ -73,7 +75,8 @@ impl FoundAnimation {
             in_page.views.extend(key.write(folder, &options.formats)?);
             folder.publish()?;
         }
-        let film = Film { animated: &self.animated, keys: &self.keys, folder, options };
+        let engine = self.engine.clone();
+        let mut film = Film { animated: &self.animated, keys: &self.keys, folder, options, engine };
         let drawn = film.draw(&self.frames, &mut in_page.frames, steps)?;
         Ok((in_page, drawn))
     }
@@ -174,11 +177,11 @@ impl SolvedKey {
     }
 
     /// The pictures of what was found and spread.
-    fn draw(&mut self, steps: &mut Steps<'_>) -> Result<()> {
+    fn draw(&mut self, engine: &mut Engine, steps: &mut Steps<'_>) -> Result<()> {
         steps.within(format!("frame {}", self.frame));
         let scene = &self.animated.animation.keys[self.index].scene;
         let Attained { state, optics, desired, after, distances, .. } = &mut self.attained;
-        *after = draw(scene, state, optics, steps)?;
+        *after = draw(scene, state, optics, engine, steps)?;
         distances[1] = distance(desired, after);
         steps.within(String::new());
         Ok(())
@@ -210,10 +213,11 @@ fn draw(
     scene: &VolumeScene,
     state: &VolumeState,
     optics: &Optics,
+    engine: &mut Engine,
     steps: &mut Steps<'_>,
 ) -> Result<Vec<Image>> {
     let last = *scene.stages.last().ok_or_else(nothing_asked)?;
-    view_pictures(scene, &state.medium, optics, VolumeProblem::model(scene, last), steps)
+    view_pictures(scene, &state.medium, optics, VolumeProblem::model(scene, last), engine, steps)
 }
 
 /// What frames are drawn from.
@@ -222,12 +226,13 @@ struct Film<'a> {
     keys: &'a [SolvedKey],
     folder: &'a Folder,
     options: &'a Options,
+    engine: Engine,
 }
 
 impl Film<'_> {
     /// Draws and writes frames, after Ctrl-C only keys, and puts some of them into the strip. Gives back how many were drawn.
     fn draw(
-        &self,
+        &mut self,
         frames: &[usize],
         strip: &mut Vec<(u64, Vec<u8>)>,
         steps: &mut Steps<'_>,
@@ -251,7 +256,7 @@ impl Film<'_> {
     }
 
     /// The state at a frame, and its pictures; none of a frame between keys after somebody stopped the job.
-    fn frame(&self, frame: usize, steps: &mut Steps<'_>) -> Result<Option<(VolumeState, Vec<Image>)>> {
+    fn frame(&mut self, frame: usize, steps: &mut Steps<'_>) -> Result<Option<(VolumeState, Vec<Image>)>> {
         if let Some(key) = self.keys.iter().find(|key| key.frame == frame) {
             return Ok(Some((key.state().clone(), key.attained.after.clone())));
         }
@@ -267,7 +272,7 @@ impl Film<'_> {
         }
         steps.begin("lighting", None);
         let optics = Optics::new(from.scene(), from.attained.optics.geometry(), &state)?;
-        let pictures = draw(from.scene(), &state, &optics, steps)?;
+        let pictures = draw(from.scene(), &state, &optics, &mut self.engine, steps)?;
         Ok(Some((state, pictures)))
     }
 

@@ -14,7 +14,7 @@ use super::folder::Folder;
 use super::steps::{Steps, Timings};
 use super::{Options, memory, warnings};
 use crate::Result;
-use crate::problem::{Desired, Optics, VolumeProblem, VolumeRenderer, VolumeState};
+use crate::problem::{Canvas, Desired, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use crate::report::{self, Report};
 use crate::scene::{Find, Image, VolumeScene};
 use crate::visibility::Geometry;
@@ -49,7 +49,7 @@ pub(super) fn solve(
     let renderer =
         VolumeRenderer::new(scene, &outcome.attained.state.medium, &outcome.attained.optics, model);
     let turns = if options.pictures { options.turntable } else { 0 };
-    let turns = turntable(&renderer, scene, turns, steps)?;
+    let turns = turntable(&renderer, scene, turns, engine, steps)?;
     Ok(FoundVolume { outcome, turns })
 }
 
@@ -106,7 +106,7 @@ pub(super) fn draw(
     geometry: &Arc<Geometry>,
     prefix: &str,
     turns: usize,
-    folder: &Folder,
+    (engine, folder): (&mut Engine, &Folder),
     steps: &mut Steps<'_>,
     written: &mut Vec<String>,
 ) -> Result<bool> {
@@ -121,11 +121,15 @@ pub(super) fn draw(
             return Ok(false);
         }
         let name = format!("{prefix}{}", seen.view.name);
-        folder.write_picture(&name, &renderer.picture(view)?, scene.exposure)?;
+        folder.write_picture(
+            &name,
+            &engine.draw(|canvas| renderer.picture(view, canvas))?,
+            scene.exposure,
+        )?;
         written.push(format!("{name}.png"));
         steps.advance(view as u64 + 1, "");
     }
-    let turns = turntable(&renderer, scene, turns, steps)?;
+    let turns = turntable(&renderer, scene, turns, engine, steps)?;
     results::write_turntable(folder, prefix, &turns, scene.exposure)?;
     written.extend((0..turns.len()).map(|index| format!("{prefix}turntable_{index:03}.png")));
     Ok(true)
@@ -141,7 +145,7 @@ pub(super) fn problems(
     steps.begin("lighting", None);
     let optics = Optics::new(scene, geometry, &VolumeState::of(scene)?)?;
     let renderer = VolumeRenderer::new(scene, &scene.medium, &optics, VolumeProblem::model(scene, first));
-    let desired = Desired::of(scene, &|view| renderer.picture(view))?;
+    let desired = Desired::of(scene, &|view| renderer.picture(view, &Canvas::Processor))?;
     steps.begin("tracing", None);
     let problem = |&find: &Find| {
         memory::check_light(scene, &optics, find)?;

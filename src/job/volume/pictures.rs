@@ -2,6 +2,7 @@
 
 use glam::{DAffine3, DVec3};
 
+use super::super::engine::Engine;
 use super::super::steps::Steps;
 use crate::problem::{Model, Optics, VolumeRenderer};
 use crate::scene::{Camera, Image, VolumeMedium, VolumeScene};
@@ -13,12 +14,13 @@ pub(super) fn view_pictures(
     medium: &VolumeMedium,
     optics: &Optics,
     model: Model,
+    engine: &mut Engine,
     steps: &mut Steps<'_>,
 ) -> Result<Vec<Image>> {
     steps.begin("rendering", Some(scene.views.len() as u64));
     let renderer = VolumeRenderer::new(scene, medium, optics, model);
     let draw = |view: usize| {
-        let picture = renderer.picture(view)?;
+        let picture = engine.draw(|canvas| renderer.picture(view, canvas))?;
         steps.advance(view as u64 + 1, "");
         Ok(picture)
     };
@@ -33,6 +35,7 @@ pub(super) fn turntable(
     renderer: &VolumeRenderer,
     scene: &VolumeScene,
     count: usize,
+    engine: &mut Engine,
     steps: &Steps<'_>,
 ) -> Result<Vec<Image>> {
     let Some(first) = scene.views.first() else { return Ok(Vec::new()) };
@@ -51,7 +54,7 @@ pub(super) fn turntable(
             * DAffine3::from_rotation_y(angle)
             * DAffine3::from_translation(-middle);
         let camera: Camera = first.view.camera.moved(turn, size)?;
-        turned.push(renderer.picture_from(&camera)?);
+        turned.push(engine.draw(|canvas| renderer.picture_from(&camera, canvas))?);
     }
     Ok(turned)
 }

@@ -6,7 +6,7 @@ use super::super::findings::Findings;
 use super::super::folder::Folder;
 use super::super::memory::{MemoryBudget, check_light};
 use super::super::steps::Steps;
-use crate::problem::{Desired, HoldOut, Optics, VolumeProblem, VolumeRenderer, VolumeState};
+use crate::problem::{Canvas, Desired, HoldOut, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use crate::scene::{Find, Rgb, SolveSettings, VolumeScene};
 use crate::{Error, Result};
 
@@ -100,7 +100,7 @@ impl PropertySearch<'_> {
         let renderer = VolumeRenderer::new(self.scene, &state.medium, &optics, model);
         for (view, seen) in self.scene.views.iter().enumerate() {
             let name = format!("{}{}_after", place.prefix, seen.view.name);
-            folder.write_picture(&name, &renderer.picture(view)?, self.scene.exposure)?;
+            folder.write_picture(&name, &renderer.picture(view, &Canvas::Processor)?, self.scene.exposure)?;
         }
         folder.publish_preview()
     }

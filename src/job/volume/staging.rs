@@ -168,7 +168,8 @@ impl<'a, 's> Course<'a, 's> {
         warnings::tell_of_hidden(geometry);
         let optics = Optics::new(scene, geometry, &state)?;
         let drawn = VolumeProblem::model(scene, *scene.stages.first().ok_or_else(nothing_asked)?);
-        let before = view_pictures(scene, &state.medium, &optics, drawn, steps)?;
+        // What is wanted is the same whatever computes, and so is drawn by the processor.
+        let before = view_pictures(scene, &state.medium, &optics, drawn, &mut Engine::Cpu, steps)?;
         let desired = Desired::of(scene, &|view| Ok(before[view].clone()))?;
         let held_out = HoldOut::of(scene, &desired);
         let first = distance(&desired, &before);
@@ -187,7 +188,7 @@ impl<'a, 's> Course<'a, 's> {
     fn look_under(&mut self, model: Model) -> Result<()> {
         if model != self.drawn {
             let Attained { state, optics, desired, after, distances, .. } = &mut self.attained;
-            *after = view_pictures(self.scene, &state.medium, optics, model, self.steps)?;
+            *after = view_pictures(self.scene, &state.medium, optics, model, self.engine, self.steps)?;
             (self.drawn, distances[1]) = (model, distance(desired, after));
         }
         Ok(())
@@ -233,7 +234,8 @@ impl<'a, 's> Course<'a, 's> {
             }
             Find::Emission | Find::Albedo | Find::Joint => self.attained.optics.clone(),
         };
-        let pictures = view_pictures(self.scene, &state.medium, &optics, self.drawn, self.steps)?;
+        let pictures =
+            view_pictures(self.scene, &state.medium, &optics, self.drawn, self.engine, self.steps)?;
         Ok(ViewedState { distance: distance(&self.attained.desired, &pictures), optics, pictures })
     }
 

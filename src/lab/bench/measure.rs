@@ -173,11 +173,8 @@ impl CaseRun<'_> {
         let reference = self.sample.reference(solver.keeps_bounds())?;
         let patience = &self.bench.patience;
         let settings = SolveSettings {
-            solver,
-            tolerance,
-            iterations: patience.iterations,
             time_limit: Some(patience.solving),
-            ..self.sample.settings.clone()
+            ..self.sample.settings(solver, tolerance, patience.iterations)?
         };
         let clock = Instant::now();
         let operator = make()?;

@@ -4,7 +4,7 @@ use std::cell::OnceCell;
 
 use super::cases::CaseBasis;
 use super::subject;
-use crate::job::{AskedProblem, Scenes, Stop};
+use crate::job::{AskedProblem, MemoryBudget, Scenes, Stop};
 use crate::operator::{Blocks, CpuVector, LinearOperator, OnHost, TransportOperator, Vector};
 use crate::problem::{Problem, Snapshot, Solved, System, measure, solve};
 use crate::scene::{MetricName, Quadrature, Rgb, SolveSettings, SolverName, Strategy};
@@ -22,8 +22,9 @@ const ITERATIONS: usize = 20_000;
 pub(super) struct Sample {
     /// Its rows, exact.
     pub(super) problem: Box<dyn Problem>,
-    /// How it is solved.
-    pub(super) settings: SolveSettings,
+    /// How it is asked to be solved, and the memory for that.
+    settings: SolveSettings,
+    memory: MemoryBudget,
     /// x and E x; y and Eᵀ y.
     forward: [CpuVector<f64>; 2],
     backward: [CpuVector<f64>; 2],
@@ -50,7 +51,7 @@ pub(super) struct Reference {
 impl Sample {
     /// Samples at most so many rows of a scene.
     pub(super) fn new(scenes: Scenes, basis: CaseBasis, rows: usize, stop: &Stop) -> Result<Self> {
-        let AskedProblem { problem, settings, .. } = subject::problem(&subject::with(scenes, basis))?;
+        let AskedProblem { problem, settings, memory, .. } = subject::problem(&subject::with(scenes, basis))?;
         let problem = problem.sampled(rows);
         let problem = problem.integrated(Quadrature::Exact, None).unwrap_or(problem);
         stop.go_on()?;
@@ -60,6 +61,7 @@ impl Sample {
         let coverage = wide.squares(&problem.weights())?;
         Ok(Self {
             settings: SolveSettings { time_limit: None, ..settings },
+            memory,
             forward: products(|x, y| explicit.apply(x, y), explicit.domain(), explicit.range())?,
             backward: products(|y, x| explicit.apply_adjoint(y, x), explicit.range(), explicit.domain())?,
             wide,
@@ -124,6 +126,17 @@ impl Sample {
         Ok((square / (start - least).max(f64::MIN_POSITIVE)).sqrt())
     }
 
+    /// How the scene is solved by another method, with the metric that suits it.
+    pub(super) fn settings(
+        &self,
+        solver: SolverName,
+        tolerance: f64,
+        iterations: usize,
+    ) -> Result<SolveSettings> {
+        let settings = SolveSettings { solver, tolerance, iterations, ..self.settings.clone() };
+        self.memory.settled(settings, &*self.problem)
+    }
+
     /// A solve of the rows kept in f64.
     pub(super) fn solve(&self, settings: &SolveSettings) -> Result<Solved> {
         let go_on = |_: &_, _: &mut dyn Snapshot| Ok(self.stop.control());
@@ -137,13 +150,7 @@ impl Sample {
             false => &[SolverName::Cgls, SolverName::Lsmr],
         };
         for &solver in solvers {
-            let settings = SolveSettings {
-                solver,
-                tolerance: TOLERANCE,
-                iterations: ITERATIONS,
-                ..self.settings.clone()
-            };
-            let solved = self.solve(&settings)?;
+            let solved = self.solve(&self.settings(solver, TOLERANCE, ITERATIONS)?)?;
             let worst = solved.outcome.true_normal_residual.iter().copied().fold(0.0, f64::max);
             tracing::info!(
                 worst,

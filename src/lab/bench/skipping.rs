@@ -149,12 +149,7 @@ impl Comparison<'_> {
         without: Skipping,
         work: impl Fn(&Solved) -> f64,
     ) -> Result<Option<Skipped>> {
-        let with = SolveSettings {
-            solver: SolverName::default(),
-            tolerance: TOLERANCE,
-            iterations: self.patience.iterations,
-            ..self.sample.settings.clone()
-        };
+        let with = self.sample.settings(SolverName::default(), TOLERANCE, self.patience.iterations)?;
         let without = SolveSettings { skip: without, ..with.clone() };
         let neighbours = [with.regularization.gradient, with.regularization.laplacian];
         if !without.skip.unknowns && neighbours != [crate::scene::RegularizationWeight::Relative(0.0); 2] {

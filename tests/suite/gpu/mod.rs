@@ -3,6 +3,7 @@
 //! Where there is no adapter these tests are ignored, and seen to be; `./test.sh` installs a software adapter and runs them.
 
 mod live;
+mod pictures;
 mod solving;
 mod surfaces;
 mod transport;

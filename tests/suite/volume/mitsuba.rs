@@ -1,7 +1,7 @@
 //! Pictures against Mitsuba's, which tests/fixtures/mitsuba/make.py made: single scattering, pixel centres only.
 
 use unscatter::io::image::read_image;
-use unscatter::problem::{Model, VolumeRenderer, VolumeState};
+use unscatter::problem::{Canvas, Model, VolumeRenderer, VolumeState};
 use unscatter::scene::{DirectionalLight, Environment, Image, VolumeMedium, VolumeScene, look_at};
 
 use super::*;
@@ -88,7 +88,9 @@ fn agrees(name: &str, case: &Case, bias: f64, others: &[&str]) {
     let scene = scene(case);
     let optics = optics(&scene, &VolumeState::of(&scene).unwrap());
     let picture = |medium: &VolumeMedium| {
-        VolumeRenderer::new(&scene, medium, &optics, Model::SingleScattering).picture(0).unwrap()
+        VolumeRenderer::new(&scene, medium, &optics, Model::SingleScattering)
+            .picture(0, &Canvas::Processor)
+            .unwrap()
     };
     let ours = picture(&scene.medium);
     let found = deviation(&ours, name, bias);

@@ -8,12 +8,41 @@ use super::rays::Rays;
 use super::rounds;
 use super::walked::{Walked, WalkedPart};
 use crate::Result;
-use crate::gpu::device::Gpu;
+use crate::gpu::device::{Allocation, Gpu};
 use crate::gpu::kernels::layout::{LEVELS, LightMapUniform};
 use crate::gpu::kernels::{Accumulation, LightMapWalk, Walk};
 use crate::march::{LightMapTraversal, Traversal};
 use crate::scene::Quadrature;
+use crate::visibility::ShadowMap;
 use ray::{Depths, ray};
+
+/// The depths of a shadow map on an adapter, and the ranges of the nodes above them.
+#[derive(Debug)]
+pub struct DepthPyramid {
+    depths: Depths,
+    memory: [Arc<Allocation>; 2],
+    levels: [[u32; 4]; LEVELS],
+}
+
+impl DepthPyramid {
+    /// Hands it over.
+    ///
+    /// Errors: [`crate::Error::AdapterMemory`], [`crate::Error::TooLarge`] for one that a kernel cannot see as a whole.
+    pub fn new(gpu: &Gpu, map: &ShadowMap) -> Result<Self> {
+        let depths = Depths::of(map);
+        let (texels, nodes, levels) = depths.pyramid(map);
+        gpu.expect_visible(
+            "the shadow map on the adapter",
+            size_of_val(&texels[..]).max(size_of_val(&nodes[..])) as u64,
+            "lower shadow_map.size, or compute on the processor",
+        )?;
+        let memory = [
+            Arc::new(gpu.upload("the shadow map", &texels)?),
+            Arc::new(gpu.upload("the shadow map", &nodes)?),
+        ];
+        Ok(Self { depths, memory, levels })
+    }
+}
 
 impl Walked {
     /// Hands rays and shadow map of a light map over. `colored` media have one weight a channel; `deterministic` scatters give the
@@ -26,6 +55,20 @@ impl Walked {
         colored: bool,
         deterministic: bool,
     ) -> Result<Self> {
+        let pyramid = DepthPyramid::new(gpu, &traversal.transport().shadow_map)?;
+        Self::through(gpu, &pyramid, traversal, colored, deterministic)
+    }
+
+    /// The same, where the depths of the shadow map have been handed over already.
+    ///
+    /// Errors: [`crate::Error::AdapterMemory`], [`crate::Error::TooLarge`] for rays whose loops would not end by themselves.
+    pub fn through(
+        gpu: &Gpu,
+        pyramid: &DepthPyramid,
+        traversal: &LightMapTraversal,
+        colored: bool,
+        deterministic: bool,
+    ) -> Result<Self> {
         let shared = traversal.transport();
         let accumulation = gpu.accumulation(deterministic);
         rounds::check(
@@ -33,24 +76,15 @@ impl Walked {
             || rounds_of_a_ray(traversal, accumulation),
             "lower the maps' sizes or the steps, choose the strategy `assembled`, or compute on the processor",
         )?;
-        let depths = Depths::of(&shared.shadow_map);
         let rows = traversal.rays().len();
         let rays = Rays::new(gpu, rows, |row| {
-            let ray = ray(traversal, &depths, row);
+            let ray = ray(traversal, &pyramid.depths, row);
             let most = ray.strength.iter().copied().fold(0.0, f32::max);
             ([ray], f64::from(most))
         })?;
-        let (depths, ranges, levels) = depths.pyramid(&shared.shadow_map);
-        gpu.expect_visible(
-            "the shadow map on the adapter",
-            size_of_val(&depths[..]).max(size_of_val(&ranges[..])) as u64,
-            "lower shadow_map.size, or compute on the processor",
-        )?;
-        let passed = vec![
-            Arc::new(gpu.upload("the shadow map", &depths)?),
-            Arc::new(gpu.upload("the shadow map", &ranges)?),
-            Arc::new(gpu.upload("the transport", &[uniform(traversal, levels)])?),
-        ];
+        let uniform = uniform(traversal, pyramid.levels);
+        let [texels, nodes] = pyramid.memory.clone();
+        let passed = vec![texels, nodes, Arc::new(gpu.upload("the transport", &[uniform])?)];
         let walk = Walk::LightMap(LightMapWalk::new(shared.basis, shared.quadrature, colored));
         let elements = 0..Traversal::<f64, 1>::elements(traversal);
         Self::new(gpu, rows, vec![WalkedPart::new(walk, elements, passed, rays)], accumulation)

@@ -13,6 +13,7 @@ use crate::visibility::ShadowMap;
 const SPAN: f64 = (FARTHEST / 2) as f64;
 
 /// Stored depths in parts of what they span.
+#[derive(Debug)]
 pub(super) struct Depths {
     nearest: f64,
     farthest: f64,
