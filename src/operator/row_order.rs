@@ -17,6 +17,11 @@ impl RowOrder {
         Self { rows: rows.into(), positions: positions.into() }
     }
 
+    /// The row at each position; nothing where every row is at its own place.
+    pub fn rows(&self) -> &[u32] {
+        &self.rows
+    }
+
     /// The row at a position.
     #[inline]
     pub fn row(&self, position: usize) -> usize {

@@ -143,7 +143,7 @@ impl OnAdapter {
     }
 
     fn product(&self, rows: &LightMapTraversal, is_grey: bool, x: &GpuVector) -> Result<Vec<Rgb>> {
-        let walked = Walked::through(&self.gpu, &self.pyramid, rows, !is_grey, false)?;
+        let walked = Walked::pixels_of_light_map(&self.gpu, &self.pyramid, rows, !is_grey)?;
         let mut y = walked.range();
         walked.apply(x, &mut y)?;
         fetched(&y)

@@ -10,8 +10,8 @@ use super::rays::Rays;
 use crate::Result;
 use crate::gpu::device::{Allocation, Binding, Gpu};
 use crate::gpu::kernels::{Accumulation, Kernel, Program, RAYS, Variant, Walk};
-use crate::gpu::vectors::{FixedSums, GpuVector, Slab};
-use crate::operator::{LinearOperator, Storage, Vector, expect_len, lock};
+use crate::gpu::vectors::{FixedSums, GpuVector, Index, Slab};
+use crate::operator::{Indexed, LinearOperator, RowOrder, Storage, Vector, expect_len, lock};
 
 /// Rays that are walked over some of the elements: over all texels of a light map, or over one quantity of a volume.
 #[derive(Debug)]
@@ -34,7 +34,7 @@ impl WalkedPart {
 ///
 /// Shapes  x: elements, y: rays, three channels each
 /// Error   1e-5 relative to the explicit matrix in f64: rays are cut to the grid in f64, and walked in integers from there
-/// Cost    one walk a row; scatters in f32 depend on the order in which rays arrive, those in fixed point do not
+/// Cost    one walk a row, in an order in which neighbours meet the same elements; scatters in f32 depend on the order in which rays arrive, those in fixed point do not
 #[derive(Debug)]
 pub struct Walked {
     gpu: Gpu,
@@ -42,19 +42,37 @@ pub struct Walked {
     parts: Vec<WalkedPart>,
     accumulation: Accumulation,
     fixed: Option<Mutex<FixedSums>>,
+    /// None where rows are walked in the order of their numbers.
+    order: Option<InOrder>,
+}
+
+/// Rows in an order in which neighbours meet the same elements: lanes that walk side by side part less, and read the same.
+#[derive(Debug)]
+struct InOrder {
+    /// The row at each position.
+    rows: Index,
+    /// What the rows show, or are given, in that order.
+    shown: Mutex<GpuVector>,
 }
 
 impl Walked {
-    /// Of parts that have the same rows, and elements one behind the other.
+    /// Of parts that have the same rows, in an `order` of them, and elements one behind the other.
     ///
     /// Errors: [`crate::Error::AdapterMemory`].
     pub(super) fn new(
         gpu: &Gpu,
-        rows: usize,
+        (rows, order): (usize, &RowOrder),
         parts: Vec<WalkedPart>,
         accumulation: Accumulation,
     ) -> Result<Self> {
-        let mut walked = Self { gpu: gpu.clone(), rows, parts, accumulation, fixed: None };
+        let order = match order.rows() {
+            [] => None,
+            rows => {
+                let shown = GpuVector::zeros(gpu, rows.len());
+                Some(InOrder { rows: shown.index(&rows.into())?, shown: Mutex::new(shown) })
+            }
+        };
+        let mut walked = Self { gpu: gpu.clone(), rows, parts, accumulation, fixed: None, order };
         if accumulation == Accumulation::Fixed {
             let sums = FixedSums::new(gpu, walked.elements(), &GpuVector::zeros(gpu, rows))?;
             walked.fixed = Some(Mutex::new(sums));
@@ -97,6 +115,14 @@ impl Walked {
         }
     }
 
+    fn gather(&self, x: &GpuVector, y: &mut GpuVector) {
+        // Every slab of x, and every quantity, adds its share.
+        y.fill([0.0; 3]);
+        let y = &*y;
+        let bindings = |of_y, of_x| vec![y.binding(of_y), x.binding(of_x)];
+        self.record(Kernel::Gather, [y, x], &bindings);
+    }
+
     /// How sums are made where rays meet.
     pub fn accumulation(&self) -> Accumulation {
         self.accumulation
@@ -105,6 +131,15 @@ impl Walked {
     fn deposit(&self, consumer: Kernel, y: &GpuVector, x: &mut GpuVector, row_sums: f64) -> Result<()> {
         expect_len("x", x, self.elements())?;
         expect_len("y", y, self.rows)?;
+        let Some(InOrder { rows, shown }) = &self.order else {
+            return self.deposit_shown(consumer, y, x, row_sums);
+        };
+        let mut shown = lock(shown);
+        shown.pick(y, rows);
+        self.deposit_shown(consumer, &shown, x, row_sums)
+    }
+
+    fn deposit_shown(&self, consumer: Kernel, y: &GpuVector, x: &mut GpuVector, row_sums: f64) -> Result<()> {
         match &self.fixed {
             None => {
                 x.fill([0.0; 3]);
@@ -141,11 +176,14 @@ impl LinearOperator for Walked {
     fn apply(&self, x: &GpuVector, y: &mut GpuVector) -> Result<()> {
         expect_len("x", x, self.elements())?;
         expect_len("y", y, self.rows)?;
-        // Every slab of x, and every quantity, adds its share.
-        y.fill([0.0; 3]);
-        let y = &*y;
-        let bindings = |of_y, of_x| vec![y.binding(of_y), x.binding(of_x)];
-        self.record(Kernel::Gather, [y, x], &bindings);
+        match &self.order {
+            None => self.gather(x, y),
+            Some(InOrder { rows, shown }) => {
+                let mut shown = lock(shown);
+                self.gather(x, &mut shown);
+                y.overwrite(&shown, rows);
+            }
+        }
         self.gpu.check()
     }
 

@@ -95,7 +95,7 @@ impl<'a> VolumeRenderer<'a> {
     /// What an adapter makes of the rows: what the medium emits and scatters, and what it lets through, which is what a medium of radiance
     /// 1 lacks.
     ///
-    /// Errors: as [`Walked::volume`].
+    /// Errors: as [`Walked::pixels_of_volume`].
     #[cfg(feature = "gpu")]
     fn drawn_on(&self, gpu: &Gpu, traversal: &VolumeTraversal) -> Result<Vec<Rgb>> {
         let grid = *self.optics.density.grid();
@@ -104,7 +104,7 @@ impl<'a> VolumeRenderer<'a> {
         let ones = vec![[1.0; 3]; glowing.voxels().len()];
         let product = |parts: Vec<VoxelElements>, x: &[Rgb]| -> Result<Vec<Rgb>> {
             let colored = parts.iter().any(|part| !is_grey(traversal, part));
-            let walked = Walked::volume(gpu, &traversal.over(parts), colored, false)?;
+            let walked = Walked::pixels_of_volume(gpu, &traversal.over(parts), colored)?;
             let mut y = walked.range();
             walked.apply(&brought(walked.domain(), x)?, &mut y)?;
             fetched(&y)

@@ -12,6 +12,7 @@ use crate::gpu::device::{Allocation, Gpu};
 use crate::gpu::kernels::layout::{LEVELS, LightMapUniform};
 use crate::gpu::kernels::{Accumulation, LightMapWalk, Walk};
 use crate::march::{LightMapTraversal, Traversal};
+use crate::operator::RowOrder;
 use crate::scene::Quadrature;
 use crate::visibility::ShadowMap;
 use ray::{Depths, ray};
@@ -56,16 +57,27 @@ impl Walked {
         deterministic: bool,
     ) -> Result<Self> {
         let pyramid = DepthPyramid::new(gpu, &traversal.transport().shadow_map)?;
-        Self::through(gpu, &pyramid, traversal, colored, deterministic)
+        let order = RowOrder::new(Traversal::<f64, 1>::row_order(traversal));
+        Self::through(gpu, &pyramid, (traversal, &order), colored, deterministic)
     }
 
-    /// The same, where the depths of the shadow map have been handed over already.
+    /// The same for rows of pixels that are gathered once, where the depths of the shadow map have been handed over already. They are
+    /// walked as they come: to sort them takes longer.
     ///
     /// Errors: [`crate::Error::AdapterMemory`], [`crate::Error::TooLarge`] for rays whose loops would not end by themselves.
-    pub fn through(
+    pub fn pixels_of_light_map(
         gpu: &Gpu,
         pyramid: &DepthPyramid,
         traversal: &LightMapTraversal,
+        colored: bool,
+    ) -> Result<Self> {
+        Self::through(gpu, pyramid, (traversal, &RowOrder::default()), colored, false)
+    }
+
+    fn through(
+        gpu: &Gpu,
+        pyramid: &DepthPyramid,
+        (traversal, order): (&LightMapTraversal, &RowOrder),
         colored: bool,
         deterministic: bool,
     ) -> Result<Self> {
@@ -77,8 +89,8 @@ impl Walked {
             "lower the maps' sizes or the steps, choose the strategy `assembled`, or compute on the processor",
         )?;
         let rows = traversal.rays().len();
-        let rays = Rays::new(gpu, rows, |row| {
-            let ray = ray(traversal, &pyramid.depths, row);
+        let rays = Rays::new(gpu, rows, |position| {
+            let ray = ray(traversal, &pyramid.depths, order.row(position));
             let most = ray.strength.iter().copied().fold(0.0, f32::max);
             ([ray], f64::from(most))
         })?;
@@ -87,7 +99,7 @@ impl Walked {
         let passed = vec![texels, nodes, Arc::new(gpu.upload("the transport", &[uniform])?)];
         let walk = Walk::LightMap(LightMapWalk::new(shared.basis, shared.quadrature, colored));
         let elements = 0..Traversal::<f64, 1>::elements(traversal);
-        Self::new(gpu, rows, vec![WalkedPart::new(walk, elements, passed, rays)], accumulation)
+        Self::new(gpu, (rows, order), vec![WalkedPart::new(walk, elements, passed, rays)], accumulation)
     }
 }
 

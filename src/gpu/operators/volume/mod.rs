@@ -9,7 +9,8 @@ mod track;
 use super::walked::Walked;
 use crate::Result;
 use crate::gpu::device::Gpu;
-use crate::march::VolumeTraversal;
+use crate::march::{Traversal, VolumeTraversal};
+use crate::operator::RowOrder;
 use part::{MediumBricks, walked_part};
 
 impl Walked {
@@ -29,14 +30,31 @@ impl Walked {
         colored: bool,
         deterministic: bool,
     ) -> Result<Self> {
+        let order = RowOrder::new(Traversal::<f64, 1>::row_order(traversal));
+        Self::through_volume(gpu, (traversal, &order), colored, deterministic)
+    }
+
+    /// The same for rows of pixels that are gathered once: they are walked as they come, for to sort them takes longer.
+    ///
+    /// Errors: as [`Self::volume`].
+    pub fn pixels_of_volume(gpu: &Gpu, traversal: &VolumeTraversal, colored: bool) -> Result<Self> {
+        Self::through_volume(gpu, (traversal, &RowOrder::default()), colored, false)
+    }
+
+    fn through_volume(
+        gpu: &Gpu,
+        (traversal, order): (&VolumeTraversal, &RowOrder),
+        colored: bool,
+        deterministic: bool,
+    ) -> Result<Self> {
         let accumulation = gpu.accumulation(deterministic);
         limits::check(gpu, traversal, accumulation)?;
         let medium = MediumBricks::new(gpu, traversal)?;
         let (mut parts, mut elements) = (Vec::new(), 0);
         for part in traversal.parts() {
-            parts.push(walked_part(gpu, traversal, &medium, part, elements, colored)?);
+            parts.push(walked_part(gpu, (traversal, order), &medium, part, elements, colored)?);
             elements += part.voxels().len();
         }
-        Self::new(gpu, traversal.rays().len(), parts, accumulation)
+        Self::new(gpu, (traversal.rays().len(), order), parts, accumulation)
     }
 }

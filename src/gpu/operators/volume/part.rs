@@ -12,6 +12,7 @@ use crate::gpu::kernels::{VolumeWalk, Walk};
 use crate::gpu::operators::rays::Rays;
 use crate::gpu::operators::walked::WalkedPart;
 use crate::march::{InScattering, Quantity, VolumeTraversal, VoxelElements};
+use crate::operator::RowOrder;
 use crate::scene::Interpolation;
 
 /// What all parts of a volume share: the extinction, and where its bricks are.
@@ -39,7 +40,7 @@ impl MediumBricks {
 /// Errors: [`crate::Error::TooLarge`], [`crate::Error::AdapterMemory`].
 pub(super) fn walked_part(
     gpu: &Gpu,
-    traversal: &VolumeTraversal,
+    (traversal, order): (&VolumeTraversal, &RowOrder),
     medium: &MediumBricks,
     part: &VoxelElements,
     first: usize,
@@ -56,7 +57,7 @@ pub(super) fn walked_part(
     };
     let walked = Cells::new(if walk.extinction { &part.grid } else { shared.density.grid() }, shared.basis);
     let (bricks, lights, volume) = tables(traversal, medium, part, &walked);
-    let rays = rays(gpu, traversal, part, &walked, walk.nested)?;
+    let rays = rays(gpu, (traversal, order), part, &walked, walk.nested)?;
     let passed = vec![
         Arc::new(upload(gpu, "the bricks of a volume", &bricks)?),
         medium.sigma.clone(),
@@ -114,7 +115,7 @@ fn tables(
 /// The tracks of all rows: one through the cells that are walked, and with `nested` one through those of the unknown.
 fn rays(
     gpu: &Gpu,
-    traversal: &VolumeTraversal,
+    (traversal, order): (&VolumeTraversal, &RowOrder),
     part: &VoxelElements,
     walked: &Cells,
     nested: bool,
@@ -123,7 +124,8 @@ fn rays(
     let inner = Cells::new(&part.grid, traversal.transport().basis);
     let light = light_of(part);
     let radiance = light.map(largest).unwrap_or_default();
-    let track = |row: usize| {
+    let track = |position: usize| {
+        let row = order.row(position);
         let ray = rays.ray(row);
         let Some(stretch) = walked.stretch(&ray, rays.length(row)) else {
             return ([Track::default(); 2], 0.0);
@@ -146,8 +148,8 @@ fn rays(
     };
     match nested {
         true => Rays::new(gpu, rays.len(), track),
-        false => Rays::new(gpu, rays.len(), |row| {
-            let ([first, _], sum) = track(row);
+        false => Rays::new(gpu, rays.len(), |position| {
+            let ([first, _], sum) = track(position);
             ([first], sum)
         }),
     }
