@@ -41,6 +41,7 @@ fn stroke(points: [[f32; 2]; 2], color: [f32; 3]) -> Stroke {
         hardness: 0.8,
         opacity: 1.0,
         weight: 1.0,
+        pressure: Vec::new(),
         erases: false,
         color,
     }

@@ -30,6 +30,7 @@ fn main() -> unscatter::Result<()> {
             hardness: 0.7,
             opacity: 1.0,
             weight: 1.0,
+            pressure: Vec::new(),
             erases: false,
             color,
         };

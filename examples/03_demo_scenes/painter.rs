@@ -84,7 +84,9 @@ fn stroke(
         hardness: 0.8,
         opacity: 1.0,
         weight: 1.0,
+        pressure: Vec::new(),
         erase: false,
+        group: None,
         color: Paint::Hex(color),
     })
 }

@@ -131,6 +131,16 @@ impl GltfScene {
         Ok((direction, light.color.map(|c| c * light.intensity)))
     }
 
+    /// Names of the nodes that hold cameras.
+    pub fn camera_names(&self) -> Vec<String> {
+        self.names(|node| node.camera.is_some())
+    }
+
+    /// Whether there is exactly one directional light.
+    pub fn has_sun(&self) -> bool {
+        self.only_sun().is_ok()
+    }
+
     /// Names of the nodes with a directional light, for messages.
     fn sun_names(&self) -> Vec<String> {
         self.names(|node| self.sun_of(node).is_some())

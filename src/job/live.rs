@@ -12,10 +12,12 @@ use super::{Job, Options};
 use crate::gpu::GpuOperator;
 use crate::operator::{CpuVector, FromHost, NOWHERE, OnHost, TransportOperator};
 use crate::problem::{
-    Backdrop, Begin, LightMapProblem, Painting, Paused, Problem, Solved, Traced, fit, minimize, paint,
-    pixels, render,
+    Backdrop, Begin, Canvas, LightMapProblem, Painting, Paused, Problem, Renderer, Solved, Traced, fit,
+    minimize, paint, pixels, render,
 };
-use crate::scene::{Extent, Image, MapSettings, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View, rgb};
+use crate::scene::{
+    Camera, Extent, Image, MapSettings, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View, rgb,
+};
 use crate::solve::StopReason;
 use crate::visibility::Geometry;
 use crate::{Error, Result};
@@ -351,6 +353,37 @@ impl LiveJob {
         Ok(render(&self.scene, &self.problem.maps, Some(&self.x), index)?.after)
     }
 
+    /// What a camera sees under the light map as it is, that is none of a view's.
+    ///
+    /// Units   radiance
+    pub fn picture_from(&self, camera: &Camera) -> Result<Image> {
+        let renderer = Renderer::new(&self.scene, &self.problem.maps, Some(&self.x))?;
+        Ok(renderer.picture_from(camera, "what the camera sees", &Canvas::Processor)?.after)
+    }
+
+    /// The camera of a view's preview.
+    ///
+    /// Errors: [`Error::Value`] for a view that there is not.
+    pub fn camera(&self, view: &str) -> Result<&Camera> {
+        Ok(&self.scene.views[self.view(view)?].camera)
+    }
+
+    /// How far what a camera sees is away, in units of the scene: the median over its picture. Where it sees no surface, how far it is to the
+    /// middle of all surfaces, or 1 where there is none.
+    pub fn depth(&self, camera: &Camera) -> f64 {
+        const ACROSS: usize = 16;
+        let (geometry, [width, height]) = (&self.problem.maps.geometry, camera.size());
+        let at = |index: usize, side: usize| (index as f64 + 0.5) / ACROSS as f64 * side as f64;
+        let rays = (0..ACROSS * ACROSS)
+            .map(|index| camera.ray(at(index % ACROSS, width), at(index / ACROSS, height)));
+        let hits = rays.filter_map(|ray| geometry.first_hit(&ray, f64::INFINITY));
+        let mut distances: Vec<f64> = hits.map(|hit| hit.distance).collect();
+        distances.sort_by(f64::total_cmp);
+        let middle = || geometry.bounds().map(|[low, high]| (0.5 * (low + high)).distance(camera.position()));
+        let seen = distances.get(distances.len() / 2).copied().or_else(middle);
+        seen.filter(|distance| *distance > 0.0).unwrap_or(1.0)
+    }
+
     /// The pictures of all views under the light map as it is, by one product with the rows that are kept. The first takes as long as drawing
     /// them.
     ///
@@ -473,6 +506,22 @@ impl LivePictures<'_> {
     fn missed(&self, row: usize) -> Rgb {
         let (plain, wanted) = (self.live.problem.plain[row], self.live.problem.wanted(row));
         rgb(|c| plain[c] + self.scattered[row][c] - wanted[c])
+    }
+
+    /// The pixels of a view whose paint is not met because other paint says something else of its light, or nothing can bring it: more than half
+    /// of the wish is missed, and more than a tenth of the plain light.
+    pub fn contested(&self, view: usize) -> Vec<bool> {
+        const HALF: f64 = 0.5;
+        const TENTH: f64 = 0.1;
+        let norm = |color: Rgb| color.iter().map(|&c| f64::from(c).powi(2)).sum::<f64>().sqrt();
+        let is_missed = |row: usize| {
+            let (plain, wanted) = (self.live.problem.plain[row], self.live.problem.wanted(row));
+            let wish = norm(rgb(|c| wanted[c] - plain[c]));
+            norm(self.missed(row)) > (HALF * wish).max(TENTH * norm(plain))
+        };
+        (0..self.still.rows[view].len())
+            .map(|pixel| self.painted(view, pixel).is_some_and(is_missed))
+            .collect()
     }
 
     /// The pixels of a view that light through the light map reaches: what paint can change.

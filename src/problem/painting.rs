@@ -56,7 +56,7 @@ pub struct Painting {
 /// A stroke covers all inside hardness · radius, and from there its coverage falls linearly to 0 at its radius; its opacity there is its own
 /// times that. Its strength is its opacity times the coverage 4 pixels farther inside: a narrow edge is one that light need not have, and
 /// asks for the whole colour with less weight, while a wide one asks for a gradient. Both radii are measured by the exact distance from its polyline, so caps and joins are round and a stroke that crosses itself is no
-/// heavier there.
+/// heavier there. Where the pen was pressed less, distances count for more: the stroke is the union of discs along it whose radius changes with the pressure.
 ///
 /// Errors: [`Error::Shape`] for a layer that is not of the view's size; [`Error::Value`] for a layer or a stroke with
 /// numbers that cannot be, and for a stroke that reaches no pixel; [`Error::TooLarge`] for more strokes than can be painted in minutes.
@@ -182,20 +182,30 @@ struct Brush<'s> {
     inner: f64,
     /// The distance from which it covers nothing.
     outer: f64,
+    /// The most that its distance changes a pixel.
+    steepest: f64,
 }
 
 impl<'s> Brush<'s> {
     fn new(stroke: &'s Stroke) -> Result<Self> {
         check_stroke(stroke)?;
         let point = |p: [f32; 2]| DVec2::new(p[0].into(), p[1].into());
+        let pressure = |i: usize| stroke.pressure.get(i).map_or(1.0, |&pressure| f64::from(pressure));
         let segments = match stroke.points.as_slice() {
-            &[dab] => vec![Segment::new(point(dab), point(dab))],
-            points => points.windows(2).map(|ends| Segment::new(point(ends[0]), point(ends[1]))).collect(),
+            &[dab] => vec![Segment::new([point(dab); 2], [pressure(0); 2])],
+            points => {
+                let ends = points.windows(2).enumerate();
+                ends.map(|(i, ends)| {
+                    Segment::new([0, 1].map(|end| point(ends[end])), [pressure(i), pressure(i + 1)])
+                })
+                .collect()
+            }
         };
         let radius = f64::from(stroke.radius);
         let middle = 0.5 * radius * (1.0 + f64::from(stroke.hardness));
         let half_rim = (0.5 * radius * (1.0 - f64::from(stroke.hardness))).max(0.5 * SHARPEST);
-        Ok(Self { stroke, segments, inner: middle - half_rim, outer: middle + half_rim })
+        let steepest = segments.iter().map(|segment| segment.steepest).fold(1.0, f64::max);
+        Ok(Self { stroke, segments, inner: middle - half_rim, outer: middle + half_rim, steepest })
     }
 
     /// Whether any pixel got an opacity that counts.
@@ -228,18 +238,23 @@ impl<'s> Brush<'s> {
         let size = DVec2::new(columns.len() as f64, band.rows() as f64);
         let middle = DVec2::new(columns.start as f64, band.top as f64) + 0.5 * size;
         let half_diagonal = 0.5 * size.length();
-        let distances = near.iter().map(|segment| segment.squared_distance(middle).sqrt());
-        let distances: Vec<f64> = distances.collect();
-        let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
-        if nearest - half_diagonal > self.outer || columns.is_empty() {
+        // The least and the greatest distance that each segment may have from a point of the part.
+        let ranges = near.iter().map(|segment| {
+            let (distance, change) =
+                (segment.squared_distance(middle).sqrt(), segment.steepest * half_diagonal);
+            [distance - change, distance + change]
+        });
+        let ranges: Vec<[f64; 2]> = ranges.collect();
+        let [nearest, farthest] =
+            [0, 1].map(|end| ranges.iter().map(|range| range[end]).fold(f64::INFINITY, f64::min));
+        if nearest > self.outer || columns.is_empty() {
             return false;
         }
-        if nearest + half_diagonal < self.inner - HALF_DIAGONAL {
+        if farthest < self.inner - HALF_DIAGONAL * self.steepest {
             band.put_over(columns, self.stroke, |_, _| [1.0; 2]);
             return self.stroke.opacity >= LEAST_OPACITY;
         }
-        let farthest = (nearest + 2.0 * half_diagonal) * (1.0 + ROUNDING);
-        let here = near.iter().zip(&distances).filter(|&(_, &distance)| distance <= farthest);
+        let here = near.iter().zip(&ranges).filter(|&(_, range)| range[0] <= farthest * (1.0 + ROUNDING));
         let here: Vec<&Segment> = here.map(|(&segment, _)| segment).collect();
         if columns.len() > TILE {
             let cut = columns.start + columns.len() / 2;
@@ -264,7 +279,7 @@ impl<'s> Brush<'s> {
         let of_centre = distance(centre(x, y));
         let inside = self.covered(of_centre - EDGE);
         // Elsewhere the coverage is linear over the pixel, and its mean is that of the centre.
-        let bends = |at: f64| (of_centre - at).abs() < HALF_DIAGONAL;
+        let bends = |at: f64| (of_centre - at).abs() < HALF_DIAGONAL * self.steepest;
         if !bends(self.inner) && !bends(self.outer) {
             return [self.covered(of_centre), inside];
         }
@@ -297,6 +312,13 @@ fn check_stroke(stroke: &Stroke) -> Result<()> {
     if !(stroke.radius.is_finite() && stroke.radius > 0.0) {
         return Err(Error::value("radius", stroke.radius, "positive and finite (pixels)"));
     }
+    let is_pressed = |pressure: &f32| *pressure > 0.0 && *pressure <= 1.0;
+    if !(stroke.pressure.is_empty() || stroke.pressure.len() == stroke.points.len())
+        || !stroke.pressure.iter().all(is_pressed)
+    {
+        let got = format!("{} numbers", stroke.pressure.len());
+        return Err(Error::value("pressure", got, "none, or one a point, more than 0 and at most 1"));
+    }
     if !(0.0..=1.0).contains(&stroke.hardness) {
         return Err(Error::value("hardness", stroke.hardness, "between 0 and 1"));
     }
@@ -328,18 +350,40 @@ struct Segment {
     from: DVec2,
     to: DVec2,
     inverse_squared_length: f64,
+    /// The part of its radius that the stroke has at both ends, in between by the place.
+    pressures: [f64; 2],
+    /// The most that its distance changes a pixel: one over the least pressure.
+    steepest: f64,
 }
 
 impl Segment {
-    fn new(from: DVec2, to: DVec2) -> Self {
+    fn new([from, to]: [DVec2; 2], pressures: [f64; 2]) -> Self {
         let squared = from.distance_squared(to);
-        Self { from, to, inverse_squared_length: if squared > 0.0 { squared.recip() } else { 0.0 } }
+        Self {
+            from,
+            to,
+            inverse_squared_length: if squared > 0.0 { squared.recip() } else { 0.0 },
+            pressures,
+            steepest: pressures[0].min(pressures[1]).recip(),
+        }
     }
 
+    /// The distance of the nearest place, where distances count more the less the pen was pressed there: the least over t of
+    /// |p − q(t)| / π(t). A place is covered where that is less than the radius, as by a disc of radius π(t) r at every q(t).
     fn squared_distance(&self, point: DVec2) -> f64 {
-        let along = self.to - self.from;
-        let t = ((point - self.from).dot(along) * self.inverse_squared_length).clamp(0.0, 1.0);
-        point.distance_squared(self.from + along * t)
+        let (along, behind) = (self.to - self.from, point - self.from);
+        let [first, last] = self.pressures;
+        if first == last {
+            let t = (behind.dot(along) * self.inverse_squared_length).clamp(0.0, 1.0);
+            return behind.distance_squared(along * t) / (first * first);
+        }
+        let at = |t: f64| behind.distance_squared(along * t) / (first + (last - first) * t).powi(2);
+        // Where the derivative of the quotient is 0. It falls and rises again, so ends are nearest where that is not inside.
+        let (slope, forward) = (last - first, behind.dot(along));
+        let inside = (first * forward + slope * behind.length_squared())
+            / (first * along.length_squared() + slope * forward);
+        let ends = at(0.0).min(at(1.0));
+        if inside > 0.0 && inside < 1.0 { ends.min(at(inside)) } else { ends }
     }
 }
 
@@ -393,6 +437,7 @@ mod tests {
             hardness: 1.0,
             opacity: 1.0,
             weight: 1.0,
+            pressure: Vec::new(),
             erases: false,
             color: [0.2, 0.5, 2.0],
         }
@@ -409,6 +454,53 @@ mod tests {
 
     fn area(painting: &RgbaImage) -> f64 {
         painting.pixels.iter().map(|p| f64::from(p[3])).sum()
+    }
+
+    #[test]
+    fn a_stroke_that_was_pressed_less_is_thinner_there_and_is_a_union_of_discs() {
+        let size = [96, 64];
+        let taper = Stroke {
+            points: vec![[14.0, 30.0], [50.0, 34.0], [80.0, 20.0]],
+            pressure: vec![0.2, 1.0, 0.4],
+            hardness: 0.6,
+            ..stroke(&[], 12.0)
+        };
+        let painted = paint(&view(size, vec![taper.clone()])).unwrap();
+        // The best of very many discs, at the middle of each pixel.
+        let disc = |x: f64, y: f64| {
+            let mut best = 0.0f64;
+            for (ends, pressures) in taper.points.windows(2).zip(taper.pressure.windows(2)) {
+                for step in 0..=2000 {
+                    let t = f64::from(step) / 2000.0;
+                    let at =
+                        |axis: usize| f64::from(ends[0][axis]) * (1.0 - t) + f64::from(ends[1][axis]) * t;
+                    let pressure = f64::from(pressures[0]) * (1.0 - t) + f64::from(pressures[1]) * t;
+                    let distance = (x - at(0)).hypot(y - at(1)) / pressure;
+                    best = best.max(((12.0 - distance) / (12.0 * 0.4)).clamp(0.0, 1.0));
+                }
+            }
+            best
+        };
+        let mut covered = 0.0;
+        for y in 0..size[1] {
+            for x in 0..size[0] {
+                let expected = disc(x as f64 + 0.5, y as f64 + 0.5);
+                let got = f64::from(painted.coverage[y * size[0] + x]);
+                covered += got;
+                // Means over pixels, where a rim that the pen hardly touched is a pixel wide.
+                assert!((got - expected).abs() < 0.25, "({x}, {y}): {got}, and a disc covers {expected}");
+            }
+        }
+        let whole = paint(&view(size, vec![Stroke { pressure: vec![1.0; 3], ..taper.clone() }])).unwrap();
+        let none = paint(&view(size, vec![Stroke { pressure: Vec::new(), ..taper.clone() }])).unwrap();
+        assert_eq!(whole, none);
+        assert!(covered < 0.75 * f64::from(none.coverage.iter().sum::<f32>()));
+        // A dab is a smaller dab, but for its rim, which is half as wide.
+        let dab = |pressure: Vec<f32>, radius| Stroke { pressure, ..stroke(&[[40.0, 30.0]], radius) };
+        let areas =
+            [dab(vec![0.5], 16.0), dab(Vec::new(), 8.0)].map(|dab| area(&self::painted(size, &[dab])));
+        assert!((areas[0] / areas[1] - 1.0).abs() < 3e-3, "{areas:?}");
+        assert!(paint(&view(size, vec![Stroke { pressure: vec![0.5], ..taper }])).is_err());
     }
 
     #[test]

@@ -7,7 +7,7 @@ use super::scattering::{Light, Scattering};
 use super::surroundings::{Corners, Seen};
 use super::{Canvas, Maps};
 use crate::march::{LightMapTraversal, SeenPanes, ViewRay};
-use crate::scene::{Image, Rgb, Scene, rgb};
+use crate::scene::{Camera, Image, Rgb, Scene, rgb};
 use crate::visibility::ShadowMap;
 use crate::{Error, Result};
 
@@ -72,10 +72,17 @@ impl<'a> Renderer<'a> {
     ///
     /// Errors: [`Error::NonFinite`] naming the pixel; those of an adapter.
     pub fn picture(&self, view: usize, canvas: &Canvas) -> Result<Rendering> {
+        let view = &self.scene.views[view];
+        self.picture_from(&view.camera, &format!("the picture of view `{}`", view.name), canvas)
+    }
+
+    /// Those of any camera; `what` they are says an error.
+    ///
+    /// Errors: as [`Self::picture`].
+    pub fn picture_from(&self, camera: &Camera, what: &str, canvas: &Canvas) -> Result<Rendering> {
         let Self { scene, maps, changed, .. } = self;
         let light = Light { scene, change: changed.as_ref().map(|changed| &changed.difference[..]) };
         let scattering = Scattering::new(canvas, light, maps)?;
-        let camera = &scene.views[view].camera;
         let [width, height] = camera.size();
         let mut pixels: Vec<[Rgb; 2]> = Vec::with_capacity(width * height);
         for first in (0..width * height).step_by(canvas.pixels_at_once()) {
@@ -86,10 +93,9 @@ impl<'a> Renderer<'a> {
                 .collect();
             pixels.append(&mut self.pixels(&seen, &scattering)?);
         }
-        let name = &scene.views[view].name;
         let picture = |which: usize| {
             let pixels = pixels.par_iter().map(|pixel| pixel[which]).collect();
-            Image::new([width, height], pixels)?.finite(&format!("the picture of view `{name}`"))
+            Image::new([width, height], pixels)?.finite(what)
         };
         Ok(Rendering { before: picture(0)?, after: picture(1)? })
     }

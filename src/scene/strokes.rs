@@ -7,6 +7,8 @@ pub struct Stroke {
     pub points: Vec<[f32; 2]>,
     /// Half the width in pixels.
     pub radius: f32,
+    /// The part of the radius that it has at each point, in (0, 1]; all of it everywhere where there is none.
+    pub pressure: Vec<f32>,
     /// 1: a hard edge; 0: opacity falls off linearly from the middle to the edge.
     pub hardness: f32,
     /// How strong the paint is in the middle of the stroke, in (0, 1].

@@ -1,42 +1,17 @@
-//! The strokes of a scene while somebody paints: what can be undone, what is saved, and a journal that loses nothing.
+//! A scene while somebody paints: what can be undone, what is saved, and a journal that loses nothing.
 
 use std::fs::{File, TryLockError};
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
+use super::drawing::{Change, Drawing, Look, owned};
 use crate::io::scene_file::{Extent, Stroke, edit};
 use crate::io::write_whole;
+use crate::scene::Rgb;
 use crate::{Error, Result};
-
-/// A change of the strokes, as a page asks for it and as the journal has it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
-pub(super) enum Change {
-    /// A stroke on top of the others of a view.
-    Paint { view: usize, stroke: Stroke },
-    /// Another stroke in the place of one.
-    Replace { view: usize, number: usize, stroke: Stroke },
-    /// A stroke goes.
-    Delete { view: usize, number: usize },
-    /// All strokes of a view go.
-    Clear { view: usize },
-    /// The last change is taken back.
-    Undo,
-    /// What was taken back last is done again.
-    Redo,
-    /// A view has these strokes: how the journal has what was taken back or done again, which may be older than the journal is.
-    Restore { view: usize, strokes: Vec<Stroke> },
-}
-
-/// The strokes of one view.
-pub(super) type Strokes = Vec<Arc<Stroke>>;
-
-/// A view and its strokes at another time.
-type Moment = (usize, Strokes);
 
 /// The first line of a journal.
 #[derive(Serialize, Deserialize, PartialEq)]
@@ -51,10 +26,14 @@ pub(super) struct Document {
     path: PathBuf,
     /// The scene file as it was read or written last.
     text: String,
-    strokes: Vec<Strokes>,
-    saved: Vec<Strokes>,
-    undo: Vec<Moment>,
-    redo: Vec<Moment>,
+    /// Whether there is no such file yet.
+    is_new: bool,
+    now: Drawing,
+    saved: Drawing,
+    undo: Vec<Drawing>,
+    redo: Vec<Drawing>,
+    /// What was changed last, that a drag may go on with.
+    last: Option<Change>,
     /// When the file was changed that is known to hold that text, or that was looked at last.
     modified: Option<SystemTime>,
     journal_path: PathBuf,
@@ -78,20 +57,12 @@ fn failed(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> E
     move |source| Error::File { action, path, source }
 }
 
-fn shared(strokes: Vec<Vec<Stroke>>) -> Vec<Strokes> {
-    strokes.into_iter().map(|strokes| strokes.into_iter().map(Arc::new).collect()).collect()
-}
-
-fn owned(strokes: &[Strokes]) -> Vec<Vec<Stroke>> {
-    strokes.iter().map(|strokes| strokes.iter().map(|stroke| Stroke::clone(stroke)).collect()).collect()
-}
-
 impl Document {
-    /// Takes a scene file for this studio; and how many changes a studio had left in its journal that was not closed in order, and what
+    /// Takes a scene file for this studio, or the text of one that there is not yet (`is_new`); and how many changes a studio had left in its journal that was not closed in order, and what
     /// became of those of another text of the scene.
     ///
     /// Errors: [`Error::Machine`] where another studio has the scene; [`Error::File`].
-    pub(super) fn open(path: &Path, text: String) -> Result<(Self, usize, Option<PathBuf>)> {
+    pub(super) fn open(path: &Path, text: String, is_new: bool) -> Result<(Self, usize, Option<PathBuf>)> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let journal_path = path.with_file_name(format!(".{name}.journal"));
         let opened = File::options().create(true).truncate(false).read(true).append(true).open(&journal_path);
@@ -104,14 +75,16 @@ impl Document {
         }
         let mut left = String::new();
         journal.read_to_string(&mut left).map_err(failed("read", &journal_path))?;
-        let strokes = shared(edit::strokes(&text)?);
+        let now = Drawing::new(edit::strokes(&text)?, edit::groups(&text)?);
         let mut document = Self {
             path: path.to_owned(),
             text,
-            saved: strokes.clone(),
-            strokes,
+            is_new,
+            saved: now.clone(),
+            now,
             undo: Vec::new(),
             redo: Vec::new(),
+            last: None,
             modified: None,
             journal_path,
             journal,
@@ -127,8 +100,8 @@ impl Document {
         if is_of_this {
             // A line that was cut off by a crash ends it.
             for change in lines.map_while(|line| serde_json::from_str::<Change>(line).ok()) {
-                if let Some((view, strokes)) = document.after(&change) {
-                    document.take(&change, view, strokes);
+                if let Some(next) = document.after(&change) {
+                    document.take(&change, next);
                     brought_back += 1;
                 }
             }
@@ -144,7 +117,7 @@ impl Document {
     }
 
     fn beginning(&self) -> Beginning {
-        Beginning { version: 1, scene: crc32fast::hash(self.text.as_bytes()) }
+        Beginning { version: 2, scene: crc32fast::hash(self.text.as_bytes()) }
     }
 
     fn begin_journal(&mut self) -> Result<()> {
@@ -160,9 +133,14 @@ impl Document {
         written.map_err(failed("write", &self.journal_path))
     }
 
-    /// The strokes, view by view.
-    pub(super) fn strokes(&self) -> &[Strokes] {
-        &self.strokes
+    /// The scene as it is now.
+    pub(super) fn now(&self) -> &Drawing {
+        &self.now
+    }
+
+    /// Whether there is no scene file yet.
+    pub(super) fn is_new(&self) -> bool {
+        self.is_new
     }
 
     pub(super) fn can_undo(&self) -> bool {
@@ -174,86 +152,62 @@ impl Document {
     }
 
     pub(super) fn is_saved(&self) -> bool {
-        self.strokes == self.saved
+        self.now == self.saved && !self.is_new
     }
 
-    /// The view that a change is of and its strokes afterwards; none for a change that cannot be.
-    pub(super) fn after(&self, change: &Change) -> Option<Moment> {
-        let of = |view: usize| self.strokes.get(view).cloned();
-        Some(match change {
-            Change::Paint { view, stroke } => {
-                let mut strokes = of(*view)?;
-                strokes.push(Arc::new(stroke.clone()));
-                (*view, strokes)
-            }
-            Change::Replace { view, number, stroke } => {
-                let mut strokes = of(*view)?;
-                *strokes.get_mut(*number)? = Arc::new(stroke.clone());
-                (*view, strokes)
-            }
-            Change::Delete { view, number } => {
-                let mut strokes = of(*view)?;
-                if *number >= strokes.len() {
-                    return None;
-                }
-                strokes.remove(*number);
-                (*view, strokes)
-            }
-            Change::Clear { view } => {
-                of(*view).filter(|strokes| !strokes.is_empty())?;
-                (*view, Vec::new())
-            }
-            Change::Undo => self.undo.last()?.clone(),
-            Change::Redo => self.redo.last()?.clone(),
-            Change::Restore { view, strokes } => {
-                of(*view)?;
-                (*view, strokes.iter().cloned().map(Arc::new).collect())
-            }
-        })
+    /// The scene after a change; none for a change that cannot be.
+    pub(super) fn after(&self, change: &Change) -> Option<Drawing> {
+        match change {
+            Change::Undo => self.undo.last().cloned(),
+            Change::Redo => self.redo.last().cloned(),
+            _ => self.now.after(change),
+        }
     }
 
-    fn take(&mut self, change: &Change, view: usize, strokes: Strokes) {
-        let before = std::mem::replace(&mut self.strokes[view], strokes);
+    fn take(&mut self, change: &Change, next: Drawing) {
+        let before = std::mem::replace(&mut self.now, next);
         match change {
             Change::Undo => {
                 self.undo.pop();
-                self.redo.push((view, before));
+                self.redo.push(before);
             }
             Change::Redo => {
                 self.redo.pop();
-                self.undo.push((view, before));
+                self.undo.push(before);
             }
+            _ if change.goes_on_with(self.last.as_ref()) => {}
             _ => {
                 self.redo.clear();
-                self.undo.push((view, before));
+                self.undo.push(before);
             }
         }
+        self.last = Some(change.clone());
     }
 
-    /// Makes a change whose strokes [`Self::after`] has given, and notes it in the journal.
+    /// Makes a change after which all is as [`Self::after`] has given, and notes it in the journal.
     ///
     /// Errors: [`Error::File`]; the change is made all the same.
-    pub(super) fn make(&mut self, change: &Change, (view, strokes): Moment) -> Result<()> {
+    pub(super) fn make(&mut self, change: &Change, next: Drawing) -> Result<()> {
         let restored = match change {
-            Change::Undo | Change::Redo => Some(strokes.iter().map(|stroke| Stroke::clone(stroke)).collect()),
+            Change::Undo | Change::Redo => Some(Change::Restore(Box::new(next.from(&self.now)))),
             _ => None,
         };
-        self.take(change, view, strokes);
-        match restored {
-            Some(strokes) => self.write_line(&Change::Restore { view, strokes }),
-            None => self.write_line(change),
-        }
+        self.take(change, next);
+        self.write_line(restored.as_ref().unwrap_or(change))
     }
 
-    /// The text of the scene with its strokes, and with the place of the light map where it did not say.
+    /// The text of the scene as it is now, with the place of the light map; see [`Self::text_of`].
     ///
     /// Errors: those of [`edit`].
-    pub(super) fn text(&self, extent: &Extent) -> Result<String> {
-        self.edited(&self.text, extent)
+    pub(super) fn text(&self, radiance: Rgb, extent: &Extent) -> Result<String> {
+        edit::with_light_map_at(&self.text_of(&self.now, radiance)?, extent)
     }
 
-    fn edited(&self, text: &str, extent: &Extent) -> Result<String> {
-        edit::with_light_map_at(&edit::with_strokes(text, &owned(&self.strokes))?, extent)
+    /// The text of the scene at some moment. `radiance` is that of the sun, which a sun from a model keeps when it is turned.
+    ///
+    /// Errors: those of [`edit`].
+    pub(super) fn text_of(&self, moment: &Drawing, radiance: Rgb) -> Result<String> {
+        edited(&self.text, moment, radiance)
     }
 
     /// Whether another program has changed the scene file since it was read or written here.
@@ -266,27 +220,67 @@ impl Document {
         std::fs::read_to_string(&self.path).is_ok_and(|now| now != self.text)
     }
 
-    /// Writes the strokes into the scene file. What another program has changed there meanwhile stays.
+    /// Writes what was changed into the scene file. What another program has changed there meanwhile stays. Undo then goes back as far as
+    /// views, light and air were the same.
     ///
     /// Errors: [`Error::File`].
-    pub(super) fn save(&mut self, extent: &Extent) -> Result<Saved> {
-        let now = std::fs::read_to_string(&self.path).map_err(failed("read", &self.path))?;
+    pub(super) fn save(&mut self, radiance: Rgb, extent: &Extent) -> Result<Saved> {
+        let now = match std::fs::read_to_string(&self.path) {
+            Err(error) if self.is_new && error.kind() == ErrorKind::NotFound => self.text.clone(),
+            read => read.map_err(failed("read", &self.path))?,
+        };
         let is_changed = now != self.text;
-        let theirs = if is_changed { edit::strokes(&now).ok() } else { None };
-        if is_changed && theirs.as_ref() != Some(&owned(&self.saved)) {
+        let whole = |text: &str| edit::with_light_map_at(&edited(text, &self.now, radiance)?, extent);
+        let have_painted = || {
+            let theirs = (edit::strokes(&now).ok(), edit::groups(&now).ok());
+            let ours = self.saved.views[..self.saved.own()].iter().map(owned).collect::<Vec<Vec<Stroke>>>();
+            theirs != (Some(ours), Some(self.saved.groups.to_vec()))
+        };
+        if is_changed && have_painted() {
             let name = self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let fresh = || unused(&self.path, |number| format!("{name}.mine{number}.json"));
             let beside = self.beside.clone().unwrap_or_else(fresh);
-            write_text(&beside, &self.edited(&self.text, extent)?)?;
+            write_text(&beside, &whole(&self.text)?)?;
             self.beside = Some(beside.clone());
             return Ok(Saved::Beside(beside));
         }
-        let text = self.edited(&now, extent)?;
+        let text = whole(&now)?;
         write_text(&self.path, &text)?;
-        self.text = text;
-        self.saved = self.strokes.clone();
+        (self.text, self.is_new) = (text, false);
+        self.settle();
         self.begin_journal()?;
         Ok(if is_changed { Saved::Merged } else { Saved::Whole })
+    }
+
+    /// What was added is the text's own from now on.
+    fn settle(&mut self) {
+        let (added, look) = (self.now.added.clone(), self.now.look);
+        let settled = |moments: &mut Vec<Drawing>| {
+            let others = moments.iter().rposition(|it| it.added != added || it.look != look);
+            moments.drain(..others.map_or(0, |last| last + 1));
+            moments.iter_mut().for_each(|it| (it.added, it.look) = (Vec::new(), Look::default()));
+        };
+        settled(&mut self.undo);
+        settled(&mut self.redo);
+        (self.now.added, self.now.look) = (Vec::new(), Look::default());
+        self.saved = self.now.clone();
+        self.last = None;
+    }
+}
+
+/// A text with all that a studio changes.
+fn edited(text: &str, moment: &Drawing, radiance: Rgb) -> Result<String> {
+    let own: Vec<Vec<Stroke>> = moment.views[..moment.own()].iter().map(owned).collect();
+    let mut text = edit::with_groups(&edit::with_strokes(text, &own)?, &moment.groups)?;
+    if let Some(direction) = moment.look.sun {
+        text = edit::with_sun(&text, direction, radiance)?;
+    }
+    if let Some(sigma_t) = moment.look.sigma_t {
+        text = edit::with_extinction(&text, sigma_t)?;
+    }
+    match moment.added.is_empty() {
+        true => Ok(text),
+        false => edit::with_views(&text, &moment.added()),
     }
 }
 
@@ -317,7 +311,8 @@ fn write_text(path: &Path, text: &str) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::scene_file::Paint;
+    use crate::io::scene_file::{Camera, Paint, Transform, View};
+    use crate::studio::drawing::{Difference, Regrouped};
 
     const TEXT: &str =
         "{ \"views\": [{ \"name\": \"a\", \"strokes\": [] }, { \"name\": \"b\" }],\n  \"light_map\": {} }\n";
@@ -341,14 +336,14 @@ mod tests {
     }
 
     fn open(path: &Path) -> (Document, usize, Option<PathBuf>) {
-        Document::open(path, std::fs::read_to_string(path).unwrap()).unwrap()
+        Document::open(path, std::fs::read_to_string(path).unwrap(), false).unwrap()
     }
 
     #[test]
     fn everything_can_be_undone_and_done_again() {
         let (_folder, path) = scene(TEXT);
         let (mut document, ..) = open(&path);
-        let mut all = vec![document.strokes.clone()];
+        let mut all = vec![document.now.views.clone()];
         let changes = [
             paint(0, 1.0),
             paint(1, 2.0),
@@ -358,16 +353,16 @@ mod tests {
         ];
         for change in changes {
             assert!(make(&mut document, change));
-            all.push(document.strokes.clone());
+            all.push(document.now.views.clone());
         }
         for before in all.iter().rev().skip(1) {
             assert!(make(&mut document, Change::Undo));
-            assert_eq!(&document.strokes, before);
+            assert_eq!(&document.now.views, before);
         }
         assert!(!make(&mut document, Change::Undo) && document.is_saved());
         for after in &all[1..] {
             assert!(make(&mut document, Change::Redo));
-            assert_eq!(&document.strokes, after);
+            assert_eq!(&document.now.views, after);
         }
         assert!(!make(&mut document, Change::Redo));
         // A new change forgets what was taken back; what there is not cannot be changed.
@@ -397,15 +392,15 @@ mod tests {
             assert!(make(&mut document, change));
         }
         let text = std::fs::read_to_string(&path).unwrap();
-        assert!(matches!(Document::open(&path, text), Err(Error::Machine(_))));
-        let (strokes, journal) = (document.strokes.clone(), std::fs::read(&document.journal_path).unwrap());
+        assert!(matches!(Document::open(&path, text, false), Err(Error::Machine(_))));
+        let (strokes, journal) = (document.now.views.clone(), std::fs::read(&document.journal_path).unwrap());
         let journal_path = document.journal_path.clone();
         drop(document);
         // Cut off in the middle of a line.
         std::fs::write(&journal_path, [&journal[..], b"{\"type\":\"paint\",\"vi"].concat()).unwrap();
         let (document, brought_back, set_aside) = open(&path);
         assert_eq!((brought_back, set_aside), (4, None));
-        assert!(document.strokes == strokes && document.can_undo() && !document.is_saved());
+        assert!(document.now.views == strokes && document.can_undo() && !document.is_saved());
         drop(document);
         // Of another text of the scene they are not made, and are not lost.
         std::fs::write(&path, TEXT.replace("{}", "{ }")).unwrap();
@@ -421,7 +416,7 @@ mod tests {
         let (_folder, path) = scene(TEXT);
         let (mut document, ..) = open(&path);
         assert!(make(&mut document, paint(1, 2.0)));
-        assert!(matches!(document.save(&EXTENT).unwrap(), Saved::Whole));
+        assert!(matches!(document.save([1.0; 3], &EXTENT).unwrap(), Saved::Whole));
         assert!(document.is_saved() && document.can_undo());
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(edit::strokes(&text).unwrap()[1].len(), 1);
@@ -437,16 +432,16 @@ mod tests {
         let (_folder, path) = scene(TEXT);
         let (mut document, ..) = open(&path);
         assert!(make(&mut document, paint(0, 1.0)) && make(&mut document, paint(0, 2.0)));
-        assert!(matches!(document.save(&EXTENT).unwrap(), Saved::Whole));
+        assert!(matches!(document.save([1.0; 3], &EXTENT).unwrap(), Saved::Whole));
         for change in [Change::Undo, Change::Undo, Change::Redo, paint(1, 4.0)] {
             assert!(make(&mut document, change));
         }
-        let strokes = document.strokes.clone();
+        let strokes = document.now.views.clone();
         assert_eq!([strokes[0].len(), strokes[1].len()], [1, 1]);
         drop(document);
         let (document, brought_back, _) = open(&path);
         assert_eq!(brought_back, 4);
-        assert_eq!(document.strokes, strokes);
+        assert_eq!(document.now.views, strokes);
     }
 
     #[test]
@@ -457,7 +452,7 @@ mod tests {
         // It has changed something else: both are in the file.
         std::fs::write(&path, TEXT.replace("{}", "{ \"size\": 64 }")).unwrap();
         assert!(document.is_changed_elsewhere());
-        assert!(matches!(document.save(&EXTENT).unwrap(), Saved::Merged));
+        assert!(matches!(document.save([1.0; 3], &EXTENT).unwrap(), Saved::Merged));
         let both = std::fs::read_to_string(&path).unwrap();
         assert!(both.contains("\"size\": 64") && edit::strokes(&both).unwrap()[0].len() == 1);
         // It has painted, too: ours are beside.
@@ -467,10 +462,88 @@ mod tests {
         );
         std::fs::write(&path, &theirs).unwrap();
         assert!(make(&mut document, paint(1, 5.0)));
-        let Saved::Beside(beside) = document.save(&EXTENT).unwrap() else { panic!("theirs are lost") };
+        let Saved::Beside(beside) = document.save([1.0; 3], &EXTENT).unwrap() else {
+            panic!("theirs are lost")
+        };
         assert_eq!(std::fs::read_to_string(&path).unwrap(), theirs);
         let ours = edit::strokes(&std::fs::read_to_string(beside).unwrap()).unwrap();
         assert_eq!([ours[0].len(), ours[1].len()], [1, 1]);
         assert!(!document.is_saved());
+    }
+
+    fn eye() -> Camera {
+        Camera::new(Transform::default(), 40.0, [8, 6])
+    }
+
+    #[test]
+    fn views_sun_and_fog_are_undone_survive_a_crash_and_are_saved() {
+        let text = "{ \"light\": { \"direction\": [0, -1, 0] }, \"medium\": { \"sigma_t\": 0.5 },\n  \"views\": [{ \"name\": \"a\" }] }\n";
+        let (_folder, path) = scene(text);
+        let (mut document, ..) = open(&path);
+        let sun = |x: f64, goes_on| Change::Sun { direction: [x, -1.0, 0.0], goes_on };
+        let group = Regrouped::new("warm", None);
+        let painted = Change::Paint {
+            view: 1,
+            stroke: Stroke {
+                group: Some("warm".to_owned()),
+                ..Stroke::new(vec![[1.0, 1.0]], 2.0, Paint::Hex([1, 2, 3]))
+            },
+        };
+        for change in [
+            sun(0.1, false),
+            sun(0.2, true),
+            sun(0.3, true),
+            Change::Fog { sigma_t: 0.25, goes_on: false },
+            Change::Add { view: Box::new(View::new("b".to_owned(), eye())) },
+            Change::Groups { groups: vec![group] },
+            painted,
+        ] {
+            assert!(make(&mut document, change));
+        }
+        assert!(!make(&mut document, Change::Fog { sigma_t: -1.0, goes_on: false }));
+        assert!(!make(&mut document, sun(f64::NAN, false)));
+        // A drag is one change.
+        assert_eq!(document.undo.len(), 5);
+        let all = document.now.clone();
+        for _ in 0..3 {
+            assert!(make(&mut document, Change::Undo));
+        }
+        assert!(document.now.views.len() == 1 && document.now.look.sigma_t == Some(0.25));
+        for _ in 0..3 {
+            assert!(make(&mut document, Change::Redo));
+        }
+        assert_eq!(document.now, all);
+        assert_eq!(all.difference(&document.undo[1]), Difference::Rows);
+        assert_eq!(all.difference(document.undo.last().unwrap()), Difference::Paint(vec![1]));
+        drop(document);
+        let (mut document, brought_back, _) = open(&path);
+        assert!(brought_back > 10 && document.now == all);
+        // A group by another name, and one that is gone.
+        assert!(make(&mut document, Change::Groups { groups: vec![Regrouped::new("hot", Some("warm"))] }));
+        assert_eq!(document.now.views[1][0].group.as_deref(), Some("hot"));
+        assert!(make(&mut document, Change::Groups { groups: Vec::new() }));
+        assert!(document.now.views[1][0].group.is_none() && make(&mut document, Change::Undo));
+
+        assert!(matches!(document.save([1.0; 3], &EXTENT).unwrap(), Saved::Whole));
+        let saved = std::fs::read_to_string(&path).unwrap();
+        assert!(saved.contains("[0.3, -1, 0]") && saved.contains("\"sigma_t\": 0.25"), "{saved}");
+        assert!(edit::strokes(&saved).unwrap()[1].len() == 1 && edit::groups(&saved).unwrap().len() == 1);
+        // Undo goes on where views and light were the same; and what it leaves is saved as well.
+        assert!(document.is_saved() && document.can_undo() && make(&mut document, Change::Undo));
+        while make(&mut document, Change::Undo) {}
+        assert_eq!(document.now.views.len(), 2);
+        assert!(document.now.views[1].is_empty());
+        document.save([1.0; 3], &EXTENT).unwrap();
+        assert!(edit::strokes(&std::fs::read_to_string(&path).unwrap()).unwrap()[1].is_empty());
+    }
+
+    #[test]
+    fn a_scene_that_there_is_not_yet_is_made_when_it_is_saved() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new.json");
+        let (mut document, ..) = Document::open(&path, TEXT.to_owned(), true).unwrap();
+        assert!(document.is_new() && !document.is_saved() && !document.is_changed_elsewhere());
+        assert!(matches!(document.save([1.0; 3], &EXTENT).unwrap(), Saved::Whole));
+        assert!(path.exists() && document.is_saved());
     }
 }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use axum::body::Bytes;
 use serde::{Deserialize, Serialize};
 
-use super::document::Change;
+use super::drawing::Change;
+use crate::io::scene_file::{Camera, Group, LookAt, Stroke, Transform};
 use crate::scene::Image;
 
 /// What a page asks for.
@@ -38,6 +39,10 @@ pub(super) enum Wish {
     Watch { pictures: Vec<Kind> },
     /// What is seen at a pixel of the full picture, as the paint that asks for it.
     Reach { view: usize, x: f64, y: f64 },
+    /// What a camera sees that is none of the views'; `view` says how large its picture is.
+    LookFrom { view: usize, camera: CameraRecord },
+    /// That camera is to be a view, as large as the picture that was seen from it.
+    AddView { name: String, camera: CameraRecord },
 }
 
 /// What a picture shows.
@@ -54,8 +59,12 @@ pub(super) enum Kind {
     Difference,
     /// Where no light comes through the light map, as alpha.
     Coverage,
+    /// Where paint contradicts other paint, as alpha.
+    Conflict,
     /// The light map, relative to the light.
     LightMap,
+    /// What a camera sees that is none of the views'.
+    Free,
 }
 
 /// How far a picture is.
@@ -68,6 +77,26 @@ pub(super) enum Stage {
     Full,
 }
 
+/// A camera as pages turn it: straight, and upright as `up` says.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraRecord {
+    pub(super) origin: [f64; 3],
+    pub(super) target: [f64; 3],
+    pub(super) up: [f64; 3],
+    /// From the top to the bottom of its picture, in degrees.
+    pub(super) fov: f64,
+}
+
+impl CameraRecord {
+    /// As a scene file has it.
+    pub(super) fn document(&self, size: [usize; 2]) -> Camera {
+        let Self { origin, target, up, fov } = *self;
+        let to_world = Transform { look_at: Some(LookAt { origin, target, up }), ..Transform::default() };
+        Camera::new(to_world, fov, size)
+    }
+}
+
 /// A view as pages know it.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct ViewRecord {
@@ -75,6 +104,7 @@ pub(super) struct ViewRecord {
     /// Of the full picture.
     pub(super) size: [usize; 2],
     pub(super) preview: [usize; 2],
+    pub(super) camera: CameraRecord,
 }
 
 /// What the solve is at.
@@ -110,9 +140,12 @@ pub(super) enum Told<'a> {
         views: &'a [ViewRecord],
         exposure: f64,
         palette: &'a [String],
+        /// Whether there is no scene file yet.
+        is_new: bool,
     },
     Strokes {
-        views: Vec<Vec<&'a crate::io::scene_file::Stroke>>,
+        views: Vec<Vec<&'a Stroke>>,
+        groups: &'a [Group],
         /// Counts changes. A picture of this revision shows them.
         revision: u64,
         can_undo: bool,
@@ -128,6 +161,15 @@ pub(super) enum Told<'a> {
         seconds: f64,
         /// What stands in the way of the paint, in words; of the full resolution alone.
         remarks: &'a [String],
+        /// Numbers with their names, of the full resolution alone.
+        details: &'a [[String; 2]],
+    },
+    /// The light and the air.
+    Look {
+        sun: [f64; 3],
+        /// The mean extinction in 1/metre, and how many metres the first view is deep.
+        sigma_t: f64,
+        span: f64,
     },
     Reached {
         view: usize,

@@ -1,21 +1,26 @@
 //! The thread that solves: it makes changes of strokes, goes on from where the light map is, and sends pictures as they improve.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
 use tokio::sync::broadcast;
 
-use super::document::{Change, Document, Saved, Strokes};
-use super::messages::{Asked, Kind, News, Phase, Sent, Stage, Told, ViewRecord, Wish, hex, picture};
-use crate::io::image::rgba_bytes;
-use crate::io::scene_file::{Extent, Paint, SceneFile};
-use crate::job::{
-    EngineChoice, Job, LiveJob, LivePictures, Observer, Options, Preview, Quiet, Scenes, Step, Stop, readable,
+use super::document::{Document, Saved};
+use super::drawing::{Change, Difference, Drawing};
+use super::full::{Full, export};
+use super::messages::{
+    Asked, CameraRecord, Kind, News, Phase, Sent, Stage, Told, ViewRecord, Wish, hex, picture,
 };
-use crate::scene::{Image, Rgb, Scene};
+use super::pictures::{palette, preview_of, relative};
+use super::setting::{Setting, WIDTHS, extent, patient_threads, record, scene_of};
+use crate::io::image::rgba_bytes;
+use crate::io::scene_file::{Group, View, edit};
+use crate::job::{Job, LiveJob, Stop, readable};
+use crate::scene::{Camera, FovAxis, Image, Rgb, Scene, look_at};
 use crate::{Error, Result};
 
 /// How long the pen rests before the full resolution follows.
@@ -24,13 +29,10 @@ const REST: Duration = Duration::from_millis(250);
 const LOOK: Duration = Duration::from_millis(500);
 /// Pictures of a preview follow each other at least so far apart, once the first is there.
 const APART: Duration = Duration::from_millis(120);
-/// Preview widths in pixels, from the finest that is tried to the coarsest.
-const WIDTHS: [usize; 4] = [320, 240, 160, 96];
+/// Where the widths of a drag begin.
+const HASTY: usize = 2;
 /// Iterations between two pictures at most.
 const MOST: usize = 8;
-/// Brush colours beside those of a scene; pages have white and black.
-const PALETTE: [&str; 7] = ["#ffb347", "#ff7a2f", "#e0352b", "#c030f0", "#2f6bff", "#20b8d8", "#40c060"];
-
 /// What the worker is told to do.
 pub(super) enum Order {
     /// A page is there; its number.
@@ -43,45 +45,28 @@ pub(super) enum Order {
     Exported(Result<PathBuf>),
 }
 
-/// What the command finds: its pictures.
-pub(super) struct Full {
-    views: Vec<Image>,
-    /// Relative to the light.
-    light_map: Image,
-    iterations: usize,
-    gradient: f64,
-    met: Option<f64>,
-    /// What stands in the way of the paint.
-    remarks: Vec<String>,
-}
-
-/// What is at hand when the studio opens.
-#[derive(Debug, Clone)]
-pub(super) struct Setting {
-    pub(super) path: PathBuf,
-    pub(super) overrides: Vec<String>,
-    pub(super) engine: EngineChoice,
-    pub(super) folder: PathBuf,
-}
-
 pub(super) struct Worker {
     setting: Setting,
     document: Document,
-    scene: Scene,
-    live: LiveJob,
-    records: Vec<ViewRecord>,
+    rows: Rows,
+    /// Of the sun, which keeps it when it is turned.
+    radiance: Rgb,
     palette: Vec<String>,
     /// Threads that leave one core to the browser.
     few: Option<rayon::ThreadPool>,
     /// Threads that work when no other do, for the full resolution: the next stroke does not wait until they have heard of it.
     patient: Option<Arc<rayon::ThreadPool>>,
     orders: Receiver<Order>,
+    /// Orders that have come already.
+    waiting: VecDeque<Order>,
     mine: Sender<Order>,
     pages: broadcast::Sender<Sent>,
     watched: HashMap<u64, Vec<Kind>>,
     /// What all pictures are brightened by.
     exposure: f64,
     is_pen_down: bool,
+    /// The view whose size the pictures of a free camera have.
+    looks_from: usize,
     state: State,
     /// Counts pictures, and changes of strokes.
     serial: u64,
@@ -104,6 +89,36 @@ pub(super) struct Worker {
     news: Vec<(News, String)>,
 }
 
+/// What is kept of a scene for previews.
+struct Rows {
+    scene: Scene,
+    live: LiveJob,
+    /// Of the previews, in pixels.
+    width: usize,
+    records: Vec<ViewRecord>,
+    /// How many metres the first view is deep.
+    span: f64,
+    /// Whether previews are coarse while light or air are dragged.
+    is_hasty: bool,
+}
+
+impl Rows {
+    /// Those of a drag are few.
+    fn of(setting: &Setting, job: &Job, is_hasty: bool) -> Result<Self> {
+        let scene = scene_of(job)?;
+        let widths = if is_hasty { &WIDTHS[HASTY..] } else { &WIDTHS };
+        let (live, width) = setting.warm(job, widths)?;
+        let records = scene.views.iter().map(|view| {
+            let (name, camera) = (view.name.clone(), &view.camera);
+            let camera_record = record(camera, live.depth(camera));
+            Ok(ViewRecord { preview: live.size(&name)?, size: camera.size(), name, camera: camera_record })
+        });
+        let records = records.collect::<Result<Vec<_>>>()?;
+        let span = scene.views.first().map_or(1.0, |view| live.depth(&view.camera)) * scene.metres_per_unit;
+        Ok(Self { scene, live, width, records, span, is_hasty })
+    }
+}
+
 /// What has changed since pictures were sent.
 #[derive(Clone, Copy, PartialEq)]
 enum Changes {
@@ -118,9 +133,11 @@ enum Changes {
 impl Changes {
     fn reach(self, kind: Kind) -> bool {
         match kind {
-            Kind::After | Kind::Difference | Kind::LightMap => true,
+            Kind::After | Kind::Difference | Kind::Conflict | Kind::LightMap => true,
             Kind::Target => self != Self::Light,
             Kind::Before | Kind::Coverage => self == Self::All,
+            // Drawn when it is asked for.
+            Kind::Free => false,
         }
     }
 }
@@ -153,14 +170,14 @@ impl Worker {
     /// preview fits; those of [`Document::open`].
     pub(super) fn open(
         setting: Setting,
-        text: String,
+        (text, is_new): (String, bool),
         (orders, mine): (Receiver<Order>, Sender<Order>),
         pages: broadcast::Sender<Sent>,
     ) -> Result<Self> {
         let mut news = Vec::new();
         // What is wrong in a scene is told with its place, and before anything is written beside it.
-        let (job, scene) = (setting.job(&text)?, setting.scene(&text)?);
-        let (document, brought_back, set_aside) = Document::open(&setting.path, text)?;
+        let radiance = scene_of(&setting.job(&text)?)?.light.radiance;
+        let (document, brought_back, set_aside) = Document::open(&setting.path, text, is_new)?;
         if brought_back > 0 {
             let text = format!("{brought_back} changes that were not saved have been brought back");
             news.push((News::Done, text));
@@ -172,22 +189,12 @@ impl Worker {
             );
             news.push((News::Warning, text));
         }
-        if scene.surroundings.is_some() {
-            return Err(Error::Empty {
-                reason: "the studio shows no lights around a scene that are looked for".to_owned(),
-                remedy: "leave `surroundings` away while you paint",
-            });
-        }
-        let (live, width) = warm(&job, &setting)?;
-        if width < WIDTHS[0] {
-            let text = format!("previews are {width} pixels wide, finer ones would exceed solve.memory");
+        let rows = Rows::of(&setting, &setting.job(&document.text_of(document.now(), radiance)?)?, false)?;
+        if rows.width < WIDTHS[0] {
+            let text =
+                format!("previews are {} pixels wide, finer ones would exceed solve.memory", rows.width);
             news.push((News::Warning, text));
         }
-        let records = scene.views.iter().map(|view| {
-            let (name, size) = (view.name.clone(), view.camera.size());
-            Ok(ViewRecord { preview: live.size(&name)?, name, size })
-        });
-        let records = records.collect::<Result<Vec<_>>>()?;
         let cores = std::thread::available_parallelism().map_or(1, Into::into);
         let few = rayon::ThreadPoolBuilder::new().num_threads(cores.saturating_sub(1).max(1)).build().ok();
         let now = Instant::now();
@@ -195,17 +202,18 @@ impl Worker {
             palette: palette(&document),
             setting,
             document,
-            scene,
-            live,
-            records,
+            rows,
+            radiance,
             few,
             patient: patient_threads(),
             orders,
+            waiting: VecDeque::new(),
             mine,
             pages,
             watched: HashMap::new(),
             exposure: 1.0,
             is_pen_down: false,
+            looks_from: 0,
             state: State::Improving(1),
             serial: 0,
             changes: 0,
@@ -221,13 +229,6 @@ impl Worker {
             standing: None,
             news,
         };
-        let views = if brought_back > 0 { worker.records.len() } else { 0 };
-        for view in 0..views {
-            if let Err(problem) = worker.repaint(view, &worker.document.strokes()[view].clone()) {
-                let name = &worker.records[view].name;
-                worker.news.push((News::Warning, format!("not all paint of `{name}` is seen: {problem}")));
-            }
-        }
         worker.readable = worker.readable()?;
         worker.exposure = worker.readable;
         Ok(worker)
@@ -243,7 +244,13 @@ impl Worker {
             }
             match self.state {
                 State::Improving(iterations) => self.improve(iterations),
-                State::Rests(since) if since.elapsed() >= REST && !self.is_pen_down => self.begin_full(),
+                State::Rests(since) if since.elapsed() >= REST && !self.is_pen_down => {
+                    if self.rows.is_hasty {
+                        self.refine()
+                    } else {
+                        self.begin_full()
+                    }
+                }
                 _ => {}
             }
         }
@@ -254,6 +261,9 @@ impl Worker {
 
     /// The next order: at once where there is something to do meanwhile.
     fn next(&mut self) -> std::result::Result<Option<Order>, ()> {
+        if let Some(order) = self.waiting.pop_front() {
+            return Ok(Some(order));
+        }
         let wait = match self.state {
             State::Improving(_) => {
                 return match self.orders.try_recv() {
@@ -286,7 +296,10 @@ impl Worker {
                 // It may have left in the middle of a stroke.
                 self.is_pen_down = false;
             }
-            Order::Asked(_, Asked::Change(change)) => self.change(&change),
+            Order::Asked(_, Asked::Change(change)) => {
+                let change = self.latest(change);
+                self.change(&change);
+            }
             Order::Asked(page, Asked::Wish(wish)) => self.grant(page, wish),
             Order::Full(changes, found) => self.take_full(changes, found),
             Order::Exporting(text, part) => self.tell(&Told::Exporting { text, part, is_running: true }),
@@ -315,6 +328,8 @@ impl Worker {
                 self.show(Changes::All);
             }
             Wish::Reach { view, x, y } => self.reach(view, [x, y]),
+            Wish::LookFrom { view, camera } => self.look_from(view, &camera),
+            Wish::AddView { name, camera } => self.add_view(&name, &camera),
         }
     }
 
@@ -328,14 +343,7 @@ impl Worker {
     }
 
     fn greet(&mut self) {
-        self.tell(&Told::Hello {
-            scene: &self.scene.name,
-            path: self.setting.path.display().to_string(),
-            version: env!("CARGO_PKG_VERSION"),
-            views: &self.records,
-            exposure: self.readable,
-            palette: &self.palette,
-        });
+        self.introduce();
         self.tell_strokes();
         for (kind, text) in std::mem::take(&mut self.news) {
             self.notice(kind, text);
@@ -344,10 +352,29 @@ impl Worker {
         self.tell_progress();
     }
 
+    fn introduce(&self) {
+        let Rows { scene, records, span, .. } = &self.rows;
+        self.tell(&Told::Hello {
+            scene: &scene.name,
+            path: self.setting.path.display().to_string(),
+            version: env!("CARGO_PKG_VERSION"),
+            views: records,
+            exposure: self.readable,
+            palette: &self.palette,
+            is_new: self.document.is_new(),
+        });
+        let (sun, per_metre) = (scene.light.direction.to_array(), scene.metres_per_unit);
+        let [r, g, b] = scene.medium.sigma_t.map(|sigma| sigma / per_metre);
+        // A mean of three that are the same may be another number.
+        let sigma_t = if r == g && g == b { r } else { (r + g + b) / 3.0 };
+        self.tell(&Told::Look { sun, sigma_t, span: *span });
+    }
+
     fn tell_strokes(&self) {
-        let views = self.document.strokes().iter();
+        let Drawing { views, groups, .. } = self.document.now();
         self.tell(&Told::Strokes {
-            views: views.map(|strokes| strokes.iter().map(|stroke| &**stroke).collect()).collect(),
+            views: views.iter().map(|strokes| strokes.iter().map(|stroke| &**stroke).collect()).collect(),
+            groups,
             revision: self.changes,
             can_undo: self.document.can_undo(),
             can_redo: self.document.can_redo(),
@@ -355,47 +382,138 @@ impl Worker {
         });
     }
 
-    /// Paints a preview anew.
-    fn repaint(&mut self, view: usize, strokes: &Strokes) -> std::result::Result<(), String> {
-        let ViewRecord { name, size, .. } = &self.records[view];
-        let built = strokes.iter().map(|stroke| stroke.on(*size)).collect::<std::result::Result<_, _>>()?;
-        self.live.repaint(name, built).map_err(|error| error.to_string())
+    /// Of a drag the change that has come last.
+    fn latest(&mut self, mut change: Change) -> Change {
+        while let Ok(order) = self.orders.try_recv() {
+            match order {
+                Order::Asked(_, Asked::Change(later)) if change.is_overtaken_by(&later) => change = later,
+                other => {
+                    self.waiting.push_back(other);
+                    break;
+                }
+            }
+        }
+        change
     }
 
     fn change(&mut self, change: &Change) {
-        let Some((view, strokes)) = self.document.after(change) else {
+        let Some(next) = self.document.after(change) else {
+            self.introduce();
             self.tell_strokes();
             return;
         };
-        if let Err(problem) = self.repaint(view, &strokes) {
-            self.notice(News::Error, format!("that stroke cannot be: {problem}"));
+        let difference = next.difference(self.document.now());
+        let followed = Group::check(&next.groups).and_then(|()| match &difference {
+            Difference::Paint(views) => views.iter().try_for_each(|&view| self.repaint(view, &next)),
+            Difference::Rows => self
+                .rows_of(&next, change.goes_on())
+                .map(|rows| self.rows = rows)
+                .map_err(|error| error.to_string()),
+        });
+        if let Err(problem) = followed {
+            let what = match change {
+                Change::Paint { .. } | Change::Replace { .. } => "that stroke",
+                _ => "that",
+            };
+            self.notice(News::Error, format!("{what} cannot be: {problem}"));
+            self.introduce();
             self.tell_strokes();
             return;
         }
-        if let Err(error) = self.document.make(change, (view, strokes)) {
+        if let Err(error) = self.document.make(change, next) {
             self.notice(News::Error, format!("the journal cannot be written, so save often: {error}"));
         }
+        if difference == Difference::Rows {
+            self.is_moved = true;
+            self.introduce();
+        }
+        self.begin_again(State::Improving(1));
+        self.tell_strokes();
+    }
+
+    /// Paints a preview anew.
+    fn repaint(&mut self, view: usize, next: &Drawing) -> std::result::Result<(), String> {
+        let ViewRecord { name, size, .. } = &self.rows.records[view];
+        let built = next.views[view].iter().map(|stroke| stroke.on(&next.groups, *size));
+        let built =
+            built.filter_map(std::result::Result::transpose).collect::<std::result::Result<_, _>>()?;
+        self.rows.live.repaint(name, built).map_err(|error| error.to_string())
+    }
+
+    /// The rows of a scene with other views, or in another light: the light map lies where that light comes through then.
+    fn rows_of(&self, next: &Drawing, is_hasty: bool) -> Result<Rows> {
+        let text = self.document.text_of(next, self.radiance)?;
+        let job = match next.look == self.document.now().look {
+            true => self.setting.job(&edit::with_light_map_at(&text, &extent(&self.rows.live))?)?,
+            false => self.setting.fitted_job(&text)?,
+        };
+        Rows::of(&self.setting, &job, is_hasty)
+    }
+
+    /// Whatever was solved is of the strokes before.
+    fn begin_again(&mut self, state: State) {
         self.changes += 1;
         self.full = None;
         self.solving.take().iter().for_each(|stop| {
             stop.ask();
         });
         self.began = Instant::now();
+        self.state = state;
+    }
+
+    /// Keeps the rows of fine previews, once a drag has ended.
+    fn refine(&mut self) {
+        let text = self.document.text(self.radiance, &extent(&self.rows.live));
+        match text.and_then(|text| Rows::of(&self.setting, &self.setting.job(&text)?, false)) {
+            Ok(rows) => self.rows = rows,
+            // The coarse ones are good as well.
+            Err(error) => {
+                self.rows.is_hasty = false;
+                self.notice(News::Error, error.to_string());
+            }
+        }
+        self.is_moved = true;
+        self.introduce();
+        self.began = Instant::now();
         self.state = State::Improving(1);
-        self.tell_strokes();
+    }
+
+    fn look_from(&mut self, view: usize, camera: &CameraRecord) {
+        let Some(ViewRecord { preview, .. }) = self.rows.records.get(view) else { return };
+        self.looks_from = view;
+        let CameraRecord { origin, target, up, fov } = *camera;
+        let [origin, target, up] = [origin, target, up].map(DVec3::from_array);
+        let camera =
+            look_at(origin, target, up).and_then(|to_world| Camera::new(to_world, fov, FovAxis::Y, *preview));
+        match camera.and_then(|camera| self.rows.live.picture_from(&camera)) {
+            Ok(seen) => {
+                self.serial += 1;
+                let bytes = rgba_bytes(&seen, self.exposure);
+                let stage = (Stage::Preview, self.serial, self.followed);
+                _ = self.pages.send(picture((Kind::Free, None), stage, seen.size(), &bytes));
+            }
+            Err(error) => self.notice(News::Error, error.to_string()),
+        }
+    }
+
+    fn add_view(&mut self, name: &str, camera: &CameraRecord) {
+        let Some(ViewRecord { size, .. }) = self.rows.records.get(self.looks_from) else { return };
+        // Names are of files.
+        let view = View::new(name.trim().replace(' ', "-"), camera.document(*size));
+        self.change(&Change::Add { view: Box::new(view) });
     }
 
     /// Goes on with the preview, and shows what has come of it.
     fn improve(&mut self, iterations: usize) {
-        if self.document.strokes().iter().all(Vec::is_empty) && self.is_bare() {
-            self.live.begin_anew();
+        if self.document.now().views.iter().all(|strokes| strokes.is_empty()) && self.is_bare() {
+            self.rows.live.begin_anew();
             self.followed = self.changes;
             self.state = State::Still;
             self.show(Changes::Paint);
             self.progress(Phase::NothingPainted, 0, f64::NAN, None);
             return;
         }
-        let live = &mut self.live;
+        let live = &mut self.rows.live;
         let advanced = match &self.few {
             Some(few) if self.is_pen_down => few.install(|| live.advance(iterations)),
             _ => live.advance(iterations),
@@ -410,7 +528,7 @@ impl Worker {
         };
         self.followed = self.changes;
         let is_done = standing.stop != crate::solve::StopReason::Iterations
-            || standing.iterations >= self.scene.solve.iterations;
+            || standing.iterations >= self.rows.scene.solve.iterations;
         self.state =
             if is_done { State::Rests(Instant::now()) } else { State::Improving((2 * iterations).min(MOST)) };
         let is_first = standing.iterations <= 1;
@@ -428,7 +546,7 @@ impl Worker {
 
     /// Whether no view has layers that are paint.
     fn is_bare(&self) -> bool {
-        self.scene.views.iter().all(|view| view.layers.is_empty())
+        self.rows.scene.views.iter().all(|view| view.layers.is_empty())
     }
 
     fn progress(&mut self, phase: Phase, iteration: usize, gradient: f64, met: Option<f64>) {
@@ -441,7 +559,9 @@ impl Worker {
     fn tell_progress(&self) {
         let Some(Standing { phase, iteration, gradient, met, at }) = self.standing else { return };
         let remarks = self.full.as_ref().map_or(&[][..], |full| &full.remarks);
-        self.tell(&Told::Progress { phase, iteration, gradient, met, seconds: at.as_secs_f64(), remarks });
+        let details = self.full.as_ref().map_or(&[][..], |full| &full.details);
+        let seconds = at.as_secs_f64();
+        self.tell(&Told::Progress { phase, iteration, gradient, met, seconds, remarks, details });
     }
 
     fn watches(&self, kind: Kind) -> bool {
@@ -461,17 +581,24 @@ impl Worker {
     }
 
     fn shown(&mut self, changes: Changes) -> Result<Option<f64>> {
-        let kinds: Vec<Kind> =
-            [Kind::After, Kind::Before, Kind::Target, Kind::Difference, Kind::Coverage, Kind::LightMap]
-                .into_iter()
-                .filter(|&kind| self.watches(kind) && changes.reach(kind))
-                .collect();
-        let (exposure, views) = (self.exposure, self.records.len());
+        let kinds: Vec<Kind> = [
+            Kind::After,
+            Kind::Before,
+            Kind::Target,
+            Kind::Difference,
+            Kind::Coverage,
+            Kind::Conflict,
+            Kind::LightMap,
+        ]
+        .into_iter()
+        .filter(|&kind| self.watches(kind) && changes.reach(kind))
+        .collect();
+        let (exposure, views) = (self.exposure, self.rows.records.len());
         let mut all = Vec::new();
         let light_map =
             if kinds.contains(&Kind::LightMap) { Some(self.preview_of_light_map()?) } else { None };
         let full = self.full.take();
-        let pictures = self.live.pictures()?;
+        let pictures = self.rows.live.pictures()?;
         let met = pictures.met();
         for &kind in &kinds {
             if kind == Kind::LightMap {
@@ -504,26 +631,26 @@ impl Worker {
     }
 
     fn preview_of_light_map(&self) -> Result<Image> {
-        Ok(relative(&self.live.light_map()?, self.scene.light.radiance))
+        Ok(relative(&self.rows.live.light_map()?, self.rows.scene.light.radiance))
     }
 
     /// How much pictures are brightened at first: as files are.
     fn readable(&mut self) -> Result<f64> {
-        if let Some(stops) = self.scene.exposure {
+        if let Some(stops) = self.rows.scene.exposure {
             return Ok(stops.exp2());
         }
-        let views = self.records.len();
-        let pictures = self.live.pictures()?;
+        let views = self.rows.records.len();
+        let pictures = self.rows.live.pictures()?;
         Ok(readable((0..views).map(|view| pictures.before(view))).exp2())
     }
 
     fn reach(&mut self, view: usize, [x, y]: [f64; 2]) {
-        let Some(ViewRecord { size, preview, .. }) = self.records.get(view).cloned() else { return };
+        let Some(ViewRecord { size, preview, .. }) = self.rows.records.get(view).cloned() else { return };
         let at = [0, 1].map(|axis| {
             let along = [x, y][axis] * preview[axis] as f64 / size[axis] as f64;
             (along.max(0.0) as usize).min(preview[axis] - 1)
         });
-        match self.live.pictures() {
+        match self.rows.live.pictures() {
             Ok(pictures) => {
                 let color = hex(pictures.tint(view, at));
                 drop(pictures);
@@ -534,7 +661,8 @@ impl Worker {
     }
 
     fn save(&mut self) {
-        match self.document.save(&extent(&self.live)) {
+        let was_new = self.document.is_new();
+        match self.document.save(self.radiance, &extent(&self.rows.live)) {
             Ok(Saved::Whole) => {
                 self.notice(News::Done, format!("saved in {}", self.setting.path.display()));
             }
@@ -552,6 +680,9 @@ impl Worker {
             Err(error) => self.notice(News::Error, format!("not saved: {error}")),
         }
         self.is_told_of_change = false;
+        if was_new {
+            self.introduce();
+        }
         self.tell_strokes();
     }
 
@@ -566,7 +697,7 @@ impl Worker {
     /// The strokes are solved for as the command does it: from x₀, at the full resolution.
     fn begin_full(&mut self) {
         self.state = State::Still;
-        let text = match self.document.text(&extent(&self.live)) {
+        let text = match self.document.text(self.radiance, &extent(&self.rows.live)) {
             Ok(text) => text,
             Err(error) => return self.notice(News::Error, error.to_string()),
         };
@@ -576,7 +707,7 @@ impl Worker {
         let (setting, patient) = (self.setting.clone(), self.patient.clone());
         self.progress(Phase::Full, 0, 1.0, None);
         std::thread::spawn(move || {
-            let find = || setting.job(&text).and_then(|job| full(job, &setting, stop));
+            let find = || setting.job(&text).and_then(|job| Full::of(job, &setting, stop));
             let found = match &patient {
                 Some(patient) => patient.install(find),
                 None => find(),
@@ -605,36 +736,25 @@ impl Worker {
 
     /// Puts the light map where painted light comes through now: where the command would put it, were nothing said.
     fn fit(&mut self) {
-        match self.fitted() {
-            Ok(live) => self.live = live,
+        let fitted = self.document.text_of(self.document.now(), self.radiance);
+        let fitted = fitted.and_then(|text| Rows::of(&self.setting, &self.setting.fitted_job(&text)?, false));
+        match fitted {
+            Ok(rows) => self.rows = rows,
             Err(error) => {
                 return self.notice(News::Error, format!("the light map stays where it is: {error}"));
             }
         }
-        self.changes += 1;
-        self.full = None;
-        self.solving.take().iter().for_each(|stop| {
-            stop.ask();
-        });
-        self.began = Instant::now();
-        self.state = State::Improving(MOST);
         self.is_moved = true;
+        self.begin_again(State::Improving(MOST));
         self.tell_strokes();
         self.notice(News::Done, "the light map lies where painted light comes through".to_owned());
-    }
-
-    fn fitted(&self) -> Result<LiveJob> {
-        let text = self.document.text(&extent(&self.live))?;
-        let mut setting = self.setting.clone();
-        setting.overrides.push("light_map.extent=null".to_owned());
-        Ok(warm(&setting.job(&text)?, &setting)?.0)
     }
 
     fn export(&mut self) {
         if self.exporting.is_some() {
             return;
         }
-        let text = match self.document.text(&extent(&self.live)) {
+        let text = match self.document.text(self.radiance, &extent(&self.rows.live)) {
             Ok(text) => text,
             Err(error) => return self.notice(News::Error, error.to_string()),
         };
@@ -643,13 +763,12 @@ impl Worker {
         let (mine, setting) = (self.mine.clone(), self.setting.clone());
         self.tell(&Told::Exporting { text: "begins".to_owned(), part: None, is_running: true });
         std::thread::spawn(move || {
-            let written = setting.job(&text).and_then(|job| {
-                let folder = Some(setting.folder.clone());
-                let options = Options { engine: setting.engine.clone(), stop, folder, ..Options::default() };
-                let mut hears = Hears { mine: mine.clone(), step: String::new(), parts: None };
-                let found = job.with(options).solve(&mut hears)?;
-                Ok(found.write_observed(setting.folder.clone(), &mut hears)?.folder)
-            });
+            let tells = mine.clone();
+            let hears = move |step: &str, part: Option<f64>| {
+                // Nobody hears where the studio was closed.
+                _ = tells.send(Order::Exporting(step.to_owned(), part));
+            };
+            let written = setting.job(&text).and_then(|job| export(job, &setting, stop, hears));
             _ = mine.send(Order::Exported(written));
         });
     }
@@ -663,137 +782,4 @@ impl Worker {
             Err(error) => self.notice(News::Error, format!("not exported: {error}")),
         }
     }
-}
-
-/// Tells pages how an export goes.
-struct Hears {
-    mine: Sender<Order>,
-    step: String,
-    parts: Option<u64>,
-}
-
-impl Observer for Hears {
-    fn begins(&mut self, step: &Step<'_>) {
-        (self.step, self.parts) = (step.name.to_owned(), step.parts);
-        _ = self.mine.send(Order::Exporting(self.step.clone(), None));
-    }
-
-    fn advances(&mut self, done: u64, _remark: &str) {
-        let part = self.parts.filter(|&parts| parts > 0).map(|parts| done as f64 / parts as f64);
-        _ = self.mine.send(Order::Exporting(self.step.clone(), part));
-    }
-}
-
-impl Setting {
-    /// The job of a text of the scene: that of the command, once it is saved.
-    fn job(&self, text: &str) -> Result<Job> {
-        Job::of_file(&SceneFile::of(&self.path, text), &self.overrides)
-    }
-
-    fn scene(&self, text: &str) -> Result<Scene> {
-        match self.job(text)?.scenes() {
-            Scenes::LightMap(scene) => Ok(Scene::clone(scene)),
-            _ => Err(Error::Empty {
-                reason: "the studio paints light maps, and this is a scene of a volume".to_owned(),
-                remedy: "paint on a scene without `volume`, or use `unscatter volume`",
-            }),
-        }
-    }
-}
-
-/// As many threads as there are cores, which give way to all others.
-fn patient_threads() -> Option<Arc<rayon::ThreadPool>> {
-    let threads = rayon::ThreadPoolBuilder::new().start_handler(|_| {
-        #[cfg(target_os = "linux")]
-        {
-            // Of this thread alone. Where that is not allowed, they are as urgent as others.
-            // Not to the last: beside other programs it would take minutes.
-            _ = rustix::process::setpriority_process(None, 5);
-        }
-    });
-    threads.build().ok().map(Arc::new)
-}
-
-/// The finest preview whose rows fit, and its width.
-fn warm(job: &Job, setting: &Setting) -> Result<(LiveJob, usize)> {
-    let mut refused = None;
-    for width in WIDTHS {
-        let options = Options { engine: setting.engine.clone(), ..Options::default() };
-        match job.clone().with(options).live(Preview::Width(width)) {
-            Ok(live) => return Ok((live, width)),
-            Err(error @ Error::TooLarge { .. }) => refused = Some(error),
-            Err(error) => return Err(error),
-        }
-    }
-    Err(refused.unwrap_or_else(|| Error::Machine("no preview fits".to_owned())))
-}
-
-fn extent(live: &LiveJob) -> Extent {
-    let extent = live.extent();
-    Extent { min: extent.min.to_array(), max: extent.max.to_array() }
-}
-
-/// What the command finds for a scene.
-fn full(job: Job, setting: &Setting, stop: Stop) -> Result<Full> {
-    let Scenes::LightMap(scene) = job.scenes().clone() else {
-        return Err(Error::Machine("the scene has no light map any more".to_owned()));
-    };
-    let (engine, asked) = (setting.engine.clone(), stop.clone());
-    let found = job.with(Options { engine, stop, ..Options::default() }).solve(&mut Quiet)?;
-    if asked.is_asked() {
-        return Err(Error::Interrupted);
-    }
-    let report = found.report();
-    let last = report.history.last();
-    Ok(Full {
-        views: scene.views.iter().map(|view| found.picture(&view.name)).collect::<Result<_>>()?,
-        light_map: relative(&found.light_map()?, scene.light.radiance),
-        iterations: last.map_or(0, |last| last.iteration),
-        gradient: last.map_or(0.0, |last| last.normal_residual.into_iter().fold(0.0, f64::max)),
-        met: report.weighted_residual.met(),
-        remarks: report.warnings.iter().map(ToString::to_string).collect(),
-    })
-}
-
-/// A light map relative to the brightest channel of its light.
-fn relative(map: &Image, light: Rgb) -> Image {
-    let most = light.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
-    let mut map = map.clone();
-    map.pixels.iter_mut().for_each(|texel| *texel = texel.map(|value| value / most));
-    map
-}
-
-fn preview_of(
-    pictures: &LivePictures<'_>,
-    kind: Kind,
-    view: usize,
-    exposure: f64,
-) -> (Stage, [usize; 2], Vec<u8>) {
-    let before = pictures.before(view);
-    let bytes = match kind {
-        Kind::Before | Kind::LightMap => rgba_bytes(before, exposure),
-        Kind::After => rgba_bytes(&pictures.after(view), exposure),
-        Kind::Target => rgba_bytes(&pictures.target(view), exposure),
-        Kind::Difference => rgba_bytes(&pictures.difference(view), exposure),
-        Kind::Coverage => {
-            pictures.reached(view).into_iter().flat_map(|lit| [0, 0, 0, if lit { 0 } else { 255 }]).collect()
-        }
-    };
-    (Stage::Preview, before.size(), bytes)
-}
-
-/// The colours of a scene's strokes, in the order in which they first occur, then others.
-fn palette(document: &Document) -> Vec<String> {
-    let mut palette: Vec<String> = Vec::new();
-    let strokes = document.strokes().iter().flatten();
-    let used = strokes.filter_map(|stroke| match stroke.color {
-        Paint::Hex([r, g, b]) => Some(format!("#{r:02x}{g:02x}{b:02x}")),
-        Paint::Linear(_) => None,
-    });
-    for color in used.chain(PALETTE.map(str::to_owned)) {
-        if !palette.contains(&color) && palette.len() < 14 {
-            palette.push(color);
-        }
-    }
-    palette
 }

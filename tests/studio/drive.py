@@ -69,7 +69,7 @@ def until_done(page):
     until(page, """() => {
         const { state } = window.studio;
         const after = state.pictures.get(`after/${state.view}`);
-        return state.progress?.phase === 'done' && after.stage === 'full' && after.revision === state.revision;
+        return state.progress?.phase === 'done' && after?.stage === 'full' && after.revision === state.revision;
     }""")
 
 
@@ -87,6 +87,32 @@ def paint(page, points, view=0):
     before = count(page, view)
     drag(page, points)
     until(page, "([view, before]) => window.studio.state.strokes[view].length === before + 1", [view, before])
+
+
+def press(page, points, pressures):
+    """By a pen."""
+    places = page.evaluate("points => points.map(([x, y]) => window.studio.toScreen(x, y))", points)
+    pen = page.context.new_cdp_session(page)
+    kinds = ["mousePressed"] + ["mouseMoved"] * (len(points) - 1)
+    for kind, place, pressure in zip(kinds + ["mouseReleased"], places + places[-1:], list(pressures) + [0]):
+        pen.send("Input.dispatchMouseEvent", {
+            "type": kind, "x": place["x"], "y": place["y"], "button": "left", "buttons": 0 if kind == "mouseReleased" else 1,
+            "clickCount": 1, "pointerType": "pen", "force": pressure})
+        page.wait_for_timeout(20)
+
+
+def fly(page):
+    """Looks from elsewhere, and turns there."""
+    page.keyboard.press("c")
+    until(page, "() => window.studio.state.free?.isSeen")
+    box = page.locator("#view-canvas").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + random.uniform(-90, 90), y + random.uniform(0, 40), steps=5)
+    page.mouse.up()
+    page.mouse.wheel(0, random.uniform(-200, 200))
+    page.wait_for_timeout(300)
 
 
 def shown(page):
@@ -193,6 +219,51 @@ def main():
         until_done(page)
         print(f"full resolution after {time.time() - clock:.1f} s")
 
+        # A pen that is pressed more and more.
+        began = count(page)
+        press(page, [(260, 200), (300, 210), (340, 230)], [0.2, 0.6, 1])
+        until(page, "began => window.studio.state.strokes[0].length === began + 1", began)
+        pressure = page.evaluate("window.studio.state.strokes[0].at(-1).pressure")
+        assert pressure and pressure[0] < 0.5 < pressure[-1], pressure
+
+        # Groups: one that is hidden is as if it were not there.
+        page.click("#add-group")
+        page.keyboard.press("Enter")
+        until(page, "() => window.studio.state.groups.length === 1")
+        paint(page, [(200, 250), (240, 260)])
+        name = page.evaluate("window.studio.state.groups[0].name")
+        assert page.evaluate("window.studio.state.strokes[0].at(-1).group") == name
+        shot("groups")
+
+        # The light turns, and the fog thickens.
+        look = page.evaluate("window.studio.state.look")
+        page.focus("#sun")
+        page.keyboard.press("ArrowRight")
+        page.keyboard.press("ArrowRight")
+        until(page, "before => window.studio.state.look.sun[0] !== before.sun[0]", look)
+        page.focus("#fog")
+        page.keyboard.press("ArrowRight")
+        until(page, "before => window.studio.state.look.sigma_t > before.sigma_t", look)
+        until_done(page)
+        page.click("#numbers")
+        until(page, "() => document.querySelector('#details').textContent.includes('Certificate')")
+        shot("light")
+        page.keyboard.press("Escape")
+
+        # Another eye, that stays.
+        views = page.evaluate("window.studio.state.views.length")
+        fly(page)
+        shot("free")
+        page.click("#keep")
+        page.keyboard.press("Enter")
+        until(page, "views => window.studio.state.views.length === views + 1", views)
+        until_done(page)
+        page.keyboard.press("x")
+        shot("kept")
+        page.keyboard.press("x")
+        page.keyboard.press("1")
+        until(page, "() => window.studio.state.view === 0")
+
         # Whatever somebody does.
         before, deeds, clock = studio.resident(), 0, time.time()
         while time.time() - clock < asked.seconds:
@@ -201,7 +272,10 @@ def main():
                 x, y = random.uniform(20, 620), random.uniform(20, 340)
                 # It may also move the wipe, or reach for a colour.
                 drag(page, [(x, y), (x + random.uniform(-80, 80), y + random.uniform(-40, 40))])
-            elif deed < 0.75:
+            elif deed < 0.53:
+                fly(page)
+                page.keyboard.press("Escape")
+            elif deed < 0.78:
                 page.keyboard.press(random.choice(["Control+z", "Control+Shift+Z"]))
             else:
                 page.keyboard.press(random.choice(["o", "r", "w", "[", "]", "+", "-", "0", "Tab", "Tab", "l", "l"]))

@@ -193,6 +193,7 @@ fn strokes_come_and_go_and_nothing_changes_where_one_is_refused() {
         hardness: 1.0,
         opacity: 1.0,
         weight: 1.0,
+        pressure: Vec::new(),
         erases: false,
         color: [1.0, 0.0, 0.0],
     };

@@ -38,8 +38,12 @@ fn studio(scene: &Path) -> Studio {
 }
 
 fn open(folder: TempDir) -> Opened {
+    open_at(folder, "scene.json")
+}
+
+fn open_at(folder: TempDir, name: &str) -> Opened {
     let (told, hears) = std::sync::mpsc::channel();
-    let (stop, studio) = (Stop::default(), studio(&folder.path().join("scene.json")));
+    let (stop, studio) = (Stop::default(), studio(&folder.path().join(name)));
     let asked = stop.clone();
     let thread =
         std::thread::spawn(move || studio.serve(&asked, |address| told.send(address.to_owned()).unwrap()));
@@ -234,13 +238,15 @@ fn painting_changes_the_pictures_and_what_is_saved_is_what_was_shown() {
     let (mut page, mut other) = (opened.page(), opened.page());
     page.until("hello", |page| page.last("hello").is_some() && page.picture("after", 1).is_some());
     let hello = page.last("hello").unwrap().clone();
-    assert_eq!(hello["views"][0], json!({ "name": "court", "size": [640, 360], "preview": [320, 180] }));
-    page.say(json!({ "type": "watch", "pictures": ["after", "before", "target", "difference", "coverage", "light_map"] }));
-    page.until("all pictures", |page| {
-        ["before", "target", "difference", "coverage", "light_map"]
-            .iter()
-            .all(|kind| page.picture(kind, 1).is_some())
-    });
+    let court = &hello["views"][0];
+    assert_eq!(
+        [&court["name"], &court["size"], &court["preview"]],
+        [&json!("court"), &json!([640, 360]), &json!([320, 180])]
+    );
+    assert_eq!((&court["camera"]["origin"], &hello["is_new"]), (&json!([3.5, 2.2, 12.0]), &json!(false)));
+    let all = ["after", "before", "target", "difference", "coverage", "conflict", "light_map"];
+    page.say(json!({ "type": "watch", "pictures": all }));
+    page.until("all pictures", |page| all.iter().all(|kind| page.picture(kind, 1).is_some()));
     page.until("the full resolution", Page::is_done);
     let before = page.picture("after", 0).unwrap();
     assert_eq!((&before.about["stage"], &before.about["size"]), (&json!("full"), &json!([640, 360])));
@@ -310,6 +316,99 @@ fn the_light_map_goes_to_the_paint_when_it_is_told_to_and_the_command_follows() 
     let live = Job::open(path).unwrap().live(unscatter::job::Preview::Width(320)).unwrap();
     let least = [0, 1].map(|axis| saved["light_map"]["extent"]["min"][axis].as_f64().unwrap());
     assert_eq!(least, live.extent().min.to_array());
+}
+
+#[test]
+fn light_air_views_and_groups_are_saved_as_they_were_shown() {
+    let opened = open(citadel());
+    let mut page = opened.page();
+    page.until("the full resolution", Page::is_done);
+    let look = page.last("look").unwrap().clone();
+    assert!(look["span"].as_f64().unwrap() > 10.0 && look["sigma_t"] == 0.018);
+    for step in 0..4 {
+        let direction = [0.3 + 0.05 * f64::from(step), -0.5, 0.85];
+        page.say(json!({ "type": "sun", "direction": direction, "goes_on": step > 0 }));
+    }
+    page.say(json!({ "type": "fog", "sigma_t": 0.03, "goes_on": false }));
+    page.until("the fog", |page| page.last("look").is_some_and(|look| look["sigma_t"] == 0.03));
+    let sun = page.last("look").unwrap()["sun"].clone();
+    assert!((sun[0].as_f64().unwrap() / -sun[1].as_f64().unwrap() - 0.9).abs() < 1e-9, "{sun}");
+
+    // From where nobody looks yet; kept, it is a view.
+    let mut camera = page.last("hello").unwrap()["views"][1]["camera"].clone();
+    camera["origin"][1] = json!(9.0);
+    page.say(json!({ "type": "look_from", "view": 1, "camera": camera }));
+    page.until("what it sees", |page| page.pictures.iter().any(|shown| shown.about["kind"] == "free"));
+    page.say(json!({ "type": "add_view", "name": "from above", "camera": camera }));
+    page.until("the view", |page| page.last("hello").unwrap()["views"].as_array().unwrap().len() == 3);
+    assert_eq!(page.last("hello").unwrap()["views"][2]["name"], "from-above");
+    page.say(json!({ "type": "add_view", "name": "../x", "camera": camera }));
+    page.until("the refusal", |page| page.last("notice").is_some_and(|told| told["kind"] == "error"));
+
+    page.say(json!({ "type": "groups", "groups": [{ "name": "cold", "hidden": false, "weight": 0.5 }, { "name": "off", "hidden": true, "weight": 1 }] }));
+    let stroke = |group: &str, color: &str| json!({ "points": [[200, 150], [330, 190]], "radius": 20, "pressure": [0.3, 1.0], "color": color, "group": group });
+    page.say(json!({ "type": "paint", "view": 0, "stroke": stroke("cold", "#2060ff") }));
+    page.say(json!({ "type": "paint", "view": 0, "stroke": stroke("off", "#ff2020") }));
+    page.until("the strokes", |page| page.strokes(0).len() == 9);
+    page.told.retain(|told| told["type"] != "progress");
+    page.until("the full resolution", Page::is_done);
+    let details = page.last("progress").unwrap()["details"].as_array().unwrap().clone();
+    assert!(details.iter().any(|line| line[0] == "Certificate"), "{details:?}");
+    let shown = page.picture("after", 0).unwrap().pixels.clone();
+    page.say(json!({ "type": "save" }));
+    page.until("the save", |page| page.last("strokes").unwrap()["is_saved"] == true);
+    let exposure = page.last("hello").unwrap()["exposure"].as_f64().unwrap();
+    let found = Job::open(opened.scene()).unwrap().solve(&mut Quiet).unwrap();
+    assert_eq!(shown, screen(&found.picture("court").unwrap(), exposure), "the command finds something else");
+    assert!(found.picture("from-above").is_ok());
+    // As if the hidden stroke were not there.
+    let mut saved: Value = serde_json::from_str(&std::fs::read_to_string(opened.scene()).unwrap()).unwrap();
+    saved["views"][0]["strokes"].as_array_mut().unwrap().pop();
+    let path = opened.scene().with_file_name("without.json");
+    std::fs::write(&path, saved.to_string()).unwrap();
+    let without = Job::open(path).unwrap().solve(&mut Quiet).unwrap();
+    assert_eq!(found.picture("court").unwrap(), without.picture("court").unwrap());
+
+    // Undo goes back to where the views became as they are.
+    for _ in 0..20 {
+        page.say(json!({ "type": "undo" }));
+    }
+    page.until("all undone", |page| page.last("strokes").unwrap()["can_undo"] == false);
+    assert_eq!(page.last("hello").unwrap()["views"].as_array().unwrap().len(), 3);
+    assert_eq!(page.strokes(0).len(), 7);
+}
+
+/// A floor and two slabs above it.
+const MODEL: &str = "v -6 0 -6\nv 6 0 -6\nv 6 0 6\nv -6 0 6\nf 1 2 3 4\n\
+    v -6 4 -6\nv -1 4 -6\nv -1 4 6\nv -6 4 6\nf 5 6 7 8\nv 1 4 -6\nv 6 4 -6\nv 6 4 6\nv 1 4 6\nf 9 10 11 12\n";
+
+#[test]
+fn a_model_is_a_scene_once_it_is_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("slabs.obj");
+    std::fs::write(&model, MODEL).unwrap();
+    let opened = open_at(folder, "slabs.obj");
+    let mut page = opened.page();
+    page.until("hello", |page| page.last("hello").is_some() && page.last("strokes").is_some());
+    let (hello, scene) = (page.last("hello").unwrap().clone(), model.with_extension("json"));
+    assert!(hello["is_new"] == true && hello["path"].as_str().unwrap().ends_with("slabs.json"));
+    assert!(page.last("strokes").unwrap()["is_saved"] == false && !scene.exists());
+    page.say(json!({ "type": "fog", "sigma_t": 0.1, "goes_on": false }));
+    page.until("the fog", |page| page.last("look").is_some_and(|look| look["sigma_t"] == 0.1));
+    let stroke = json!({ "points": [[640, 300], [640, 420]], "radius": 60, "color": "#ff8020" });
+    page.say(json!({ "type": "paint", "view": 0, "stroke": stroke }));
+    page.until("the stroke", |page| page.strokes(0).len() == 1);
+    page.say(json!({ "type": "save" }));
+    page.until("the save", |page| page.last("strokes").unwrap()["is_saved"] == true);
+    page.until("word of it", |page| page.last("hello").unwrap()["is_new"] == false);
+    let saved = std::fs::read_to_string(&scene).unwrap();
+    assert!(saved.contains("\"sigma_t\":0.1") && saved.contains("#ff8020"), "{saved}");
+    assert!(Job::open(&scene).is_ok());
+    drop(page);
+    let folder = opened.close();
+    // Where there is a scene, that is what to paint on.
+    let again = studio(&folder.path().join("slabs.obj")).serve(&Stop::default(), |_| {});
+    assert!(matches!(again, Err(Error::Machine(words)) if words.contains("slabs.json")));
 }
 
 /// What a screen shows of a picture: sRGB (IEC 61966-2-1) in 8 bits.

@@ -17,6 +17,7 @@ use super::file_name::{FileName, folder_of};
 use super::flaw::{Built, Flaw};
 use super::gltf_node::GltfNode;
 use super::size::MemorySize;
+use super::stroke::{Group, check_groups};
 
 /// Bytes of a triangle: its corners, what it is of, and its place in the hierarchy.
 const TRIANGLE: u64 = 256;
@@ -29,17 +30,30 @@ pub(super) struct Assets {
     pub(super) budget: u64,
     /// Each glTF file is read once: light, cameras and occluders often share one.
     scenes: HashMap<PathBuf, GltfScene>,
+    /// What strokes name.
+    pub(super) groups: Vec<Group>,
 }
 
 impl Assets {
     /// Files beside `scene_file`, within the memory that a solve may take when nothing is said about it.
     pub(super) fn beside(scene_file: &Path) -> Self {
-        Self { folder: folder_of(scene_file), budget: machine::default_budget(), scenes: HashMap::new() }
+        Self {
+            folder: folder_of(scene_file),
+            budget: machine::default_budget(),
+            scenes: HashMap::new(),
+            groups: Vec::new(),
+        }
     }
 
     /// The same within the memory that a document allows, if it says so.
     pub(super) fn within(self, memory: Option<MemorySize>) -> Self {
         Self { budget: memory.map_or(self.budget, |memory| memory.0), ..self }
+    }
+
+    /// The same with groups that strokes may be in.
+    pub(super) fn grouped(self, groups: &[Group]) -> Built<Self> {
+        check_groups(groups)?;
+        Ok(Self { groups: groups.to_vec(), ..self })
     }
 
     /// Errors: [`Error::TooLarge`] when `bytes`, which `what` is about to take, exceed the budget.

@@ -18,6 +18,7 @@ use super::map::{LightMap, ShadowMap};
 use super::medium::Medium;
 use super::occluder::{Occluder, mesh_of};
 use super::solve::Solve;
+use super::stroke::Group;
 use super::surroundings::Surroundings;
 use super::unit::Unit;
 use super::view::View;
@@ -66,6 +67,10 @@ pub struct Document {
     /// Cameras and what is painted on their pictures; at least one.
     #[schemars(length(min = 1))]
     pub views: Vec<View>,
+    /// Groups of strokes, by whose names strokes say that they are in them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(!skip_serializing_if)]
+    pub groups: Vec<Group>,
     /// The light map that is looked for.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
@@ -135,6 +140,7 @@ impl Document {
             surroundings: None,
             occluders: Vec::new(),
             views,
+            groups: Vec::new(),
             light_map: LightMap::default(),
             shadow_map: ShadowMap::default(),
             target: Target::default(),
@@ -149,7 +155,7 @@ impl Document {
         if self.version != Self::VERSION {
             return Err(unknown_version(self.version));
         }
-        let mut assets = Assets::beside(file).within(self.solve.memory);
+        let mut assets = Assets::beside(file).within(self.solve.memory).grouped(&self.groups)?;
         // What is small is looked at before what may take long to read.
         let medium = self.medium.build(self.unit.metres()).at("medium")?;
         let ambient = self.ambient.rgb("ambient", f32::MAX)?;

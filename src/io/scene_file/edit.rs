@@ -5,8 +5,10 @@ use std::ops::Range;
 use serde::Deserialize;
 use serde_json::value::RawValue;
 
+use super::channels::Channels;
 use super::map::Extent;
-use super::view::Stroke;
+use super::stroke::{Group, Stroke};
+use super::view::View;
 use crate::{Error, Result};
 
 /// The parts of a scene that are edited, as they stand in its text.
@@ -16,6 +18,28 @@ struct Parts<'t> {
     views: Vec<&'t RawValue>,
     #[serde(borrow, default)]
     light_map: Option<&'t RawValue>,
+    #[serde(borrow, default)]
+    groups: Option<&'t RawValue>,
+    #[serde(borrow, default)]
+    light: Option<&'t RawValue>,
+    #[serde(borrow, default)]
+    medium: Option<&'t RawValue>,
+}
+
+#[derive(Deserialize)]
+struct LightParts<'t> {
+    #[serde(borrow, default)]
+    direction: Option<&'t RawValue>,
+    #[serde(borrow, default)]
+    gltf: Option<&'t RawValue>,
+    #[serde(borrow, default)]
+    radiance: Option<&'t RawValue>,
+}
+
+#[derive(Deserialize)]
+struct MediumParts<'t> {
+    #[serde(borrow)]
+    sigma_t: &'t RawValue,
 }
 
 #[derive(Deserialize)]
@@ -69,18 +93,100 @@ pub fn with_strokes(text: &str, strokes: &[Vec<Stroke>]) -> Result<String> {
             kept.map_or_else(|| on_one_line(&serde_json::to_value(stroke)), Ok)
         };
         let lines = strokes.iter().map(line).collect::<Result<Vec<_>>>()?;
-        let list = match lines.is_empty() {
-            true => "[]".to_owned(),
-            false => {
-                format!("[\n{indent}  {}\n{indent}]", lines.join(&format!(",\n{indent}  ")))
-            }
-        };
+        let list = listed(&lines, &indent);
         splices.push(match known.strokes {
             Some(strokes) => Splice { at: place(text, strokes.get()), by: list },
             None => member(text, view.get(), "strokes", &list),
         });
     }
     Ok(spliced(text, splices))
+}
+
+/// The groups of a scene.
+///
+/// Errors: as [`strokes`].
+pub fn groups(text: &str) -> Result<Vec<Group>> {
+    parsed::<Parts<'_>>(text)?.groups.map_or(Ok(Vec::new()), |groups| parsed(groups.get()))
+}
+
+/// The text of a scene with other groups.
+///
+/// Errors: as [`strokes`].
+pub fn with_groups(text: &str, groups: &[Group]) -> Result<String> {
+    if self::groups(text)? == groups {
+        return Ok(text.to_owned());
+    }
+    let indent = indent_of_members(text, place(text, text.trim()).start);
+    let lines = groups.iter().map(|group| on_one_line(&serde_json::to_value(group)));
+    let list = listed(&lines.collect::<Result<Vec<_>>>()?, &indent);
+    let splice = match parsed::<Parts<'_>>(text)?.groups {
+        Some(written) => Splice { at: place(text, written.get()), by: list },
+        None => member(text, text.trim(), "groups", &list),
+    };
+    Ok(spliced(text, vec![splice]))
+}
+
+/// The text of a scene with more views behind its own.
+///
+/// Errors: as [`strokes`].
+pub fn with_views(text: &str, more: &[View]) -> Result<String> {
+    let Some(last) = parsed::<Parts<'_>>(text)?.views.last().map(|view| place(text, view.get())) else {
+        return Err(Error::Machine("the scene cannot be edited: it has no view".to_owned()));
+    };
+    // As the last one begins: on a line of its own, or behind it.
+    let before = &text[..last.start];
+    let blank = before.len() - before.trim_end().len();
+    let space = &before[before.len() - blank..];
+    let lines = more.iter().map(|view| on_one_line(&serde_json::to_value(view)));
+    let lines = lines.collect::<Result<Vec<_>>>()?;
+    let space = if space.contains('\n') { space } else { " " };
+    let by = lines.iter().map(|line| format!(",{space}{line}")).collect();
+    Ok(spliced(text, vec![Splice { at: last.end..last.end, by }]))
+}
+
+/// The text of a scene whose sun shines in another direction. One that comes from a model is no longer taken from there, and so has the
+/// `radiance` that it had.
+///
+/// Errors: as [`strokes`].
+pub fn with_sun(text: &str, direction: [f64; 3], radiance: [f32; 3]) -> Result<String> {
+    let Some(light) = parsed::<Parts<'_>>(text)?.light else {
+        return Err(Error::Machine("the scene cannot be edited: it has no light".to_owned()));
+    };
+    let parts: LightParts<'_> = parsed(light.get())?;
+    let direction = on_one_line(&serde_json::to_value(direction))?;
+    let mut splices = Vec::new();
+    match (parts.direction, parts.gltf) {
+        (Some(written), _) => splices.push(Splice { at: place(text, written.get()), by: direction }),
+        (None, None) => splices.push(member(text, light.get(), "direction", &direction)),
+        (None, Some(gltf)) => {
+            let value = place(text, gltf.get());
+            let name = text[..value.start].rfind("\"gltf\"").unwrap_or(value.start);
+            let mut by = format!("\"direction\": {direction}");
+            if parts.radiance.is_none() {
+                by += &format!(", \"radiance\": {}", on_one_line(&serde_json::to_value(radiance))?);
+            }
+            splices.push(Splice { at: name..value.end, by });
+        }
+    }
+    Ok(spliced(text, splices))
+}
+
+/// The text of a scene with denser or thinner air: of that mean extinction in 1/metre, in its proportions.
+///
+/// Errors: as [`strokes`].
+pub fn with_extinction(text: &str, mean: f64) -> Result<String> {
+    let Some(medium) = parsed::<Parts<'_>>(text)?.medium else {
+        return Err(Error::Machine("the scene cannot be edited: it has no medium".to_owned()));
+    };
+    let written = parsed::<MediumParts<'_>>(medium.get())?.sigma_t;
+    let value = match parsed::<Channels>(written.get())? {
+        Channels::Grey(_) => serde_json::to_value(mean),
+        Channels::Rgb(colors) => {
+            let before: f64 = colors.iter().sum::<f64>() / 3.0;
+            serde_json::to_value(colors.map(|color| color * mean / before))
+        }
+    };
+    Ok(spliced(text, vec![Splice { at: place(text, written.get()), by: on_one_line(&value)? }]))
 }
 
 /// Where a scene says that its light map lies.
@@ -108,6 +214,14 @@ pub fn with_light_map_at(text: &str, extent: &Extent) -> Result<String> {
         },
     };
     Ok(spliced(text, vec![splice]))
+}
+
+/// A list of a line each.
+fn listed(lines: &[String], indent: &str) -> String {
+    match lines {
+        [] => "[]".to_owned(),
+        lines => format!("[\n{indent}  {}\n{indent}]", lines.join(&format!(",\n{indent}  "))),
+    }
 }
 
 fn parsed<'t, T: Deserialize<'t>>(text: &'t str) -> Result<T> {
@@ -192,7 +306,7 @@ fn on_one_line(value: &serde_json::Result<serde_json::Value>) -> Result<String> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::scene_file::Paint;
+    use crate::io::scene_file::{Camera, Paint, Transform};
 
     const TEXT: &str = r##"{
     "version": 1,   "views": [
@@ -258,6 +372,49 @@ mod tests {
         let with_size = TEXT.replace("\"ambient\"", "\"light_map\": { \"size\": 64 },\n    \"ambient\"");
         let edited = with_light_map_at(&with_size, &extent).unwrap();
         assert!(edited.contains("{ \"size\": 64, \"extent\": { \"min\": [-1.5, 0.1]"), "{edited}");
+    }
+
+    #[test]
+    fn groups_views_sun_and_fog_are_put_where_they_belong() {
+        let group = Group { name: "warm".to_owned(), hidden: true, weight: 1.0 };
+        let edited = with_groups(TEXT, std::slice::from_ref(&group)).unwrap();
+        assert!(edited.ends_with(
+            "[0.10, 0.2, 0.30],\n    \"groups\": [\n      { \"name\": \"warm\", \"hidden\": true }\n    ]\n}\n"
+        ), "{edited}");
+        assert_eq!(groups(&edited).unwrap(), [group]);
+        assert_eq!(with_groups(&edited, &groups(&edited).unwrap()).unwrap(), edited);
+        assert!(with_groups(&edited, &[]).unwrap().contains("\"groups\": []"));
+
+        let camera = Camera::new(Transform::default(), 40.0, [8, 6]);
+        let view = View { strokes: vec![dab(1.0)], ..View::new("c".to_owned(), camera) };
+        let edited = with_views(TEXT, &[view.clone(), view]).unwrap();
+        assert_eq!(strokes(&edited).unwrap().len(), 4);
+        assert!(edited.contains("      },\n      {"), "{edited}");
+        assert!(with_views("{\"views\":[{}]}", &[]).unwrap() == "{\"views\":[{}]}");
+
+        let light =
+            |text: &str| TEXT.replace("\"version\": 1,", &format!("\"version\": 1, \"light\": {text},"));
+        let turned = |text: &str| with_sun(&light(text), [0.0, -1.0, 0.5], [1.0, 0.5, 0.25]).unwrap();
+        assert_eq!(turned(r#"{"direction":[1,2,3]}"#), light(r#"{"direction":[0, -1, 0.5]}"#));
+        assert_eq!(
+            turned(r#"{ "gltf": { "file": "a.glb" } }"#),
+            light(r#"{ "direction": [0, -1, 0.5], "radiance": [1, 0.5, 0.25] }"#)
+        );
+        assert_eq!(
+            turned(r#"{ "radiance": 4, "gltf": { "file": "a.glb" } }"#),
+            light(r#"{ "radiance": 4, "direction": [0, -1, 0.5] }"#)
+        );
+
+        let air =
+            |text: &str| TEXT.replace("\"version\": 1,", &format!("\"version\": 1, \"medium\": {text},"));
+        assert_eq!(
+            with_extinction(&air(r#"{"sigma_t": 0.5 }"#), 0.25).unwrap(),
+            air(r#"{"sigma_t": 0.25 }"#)
+        );
+        assert_eq!(
+            with_extinction(&air(r#"{"sigma_t":[1,2,3]}"#), 4.0).unwrap(),
+            air(r#"{"sigma_t":[2, 4, 6]}"#)
+        );
     }
 
     #[test]

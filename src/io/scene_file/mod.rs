@@ -26,6 +26,7 @@ mod resolved;
 mod scene_text;
 mod size;
 mod solve;
+mod stroke;
 mod surroundings;
 #[cfg(test)]
 mod tests;
@@ -59,10 +60,11 @@ pub use opened::SceneFile;
 pub use resolved::{Chosen, Resolved};
 pub use size::{MemorySize, parse_size};
 pub use solve::{MetricName, Quadrature, Skip, Solve, Solver, Strategy};
+pub use stroke::{Group, Stroke};
 pub use surroundings::{Sky, Surroundings};
 pub use transform::{LookAt, Rotate, Transform};
 pub use unit::Unit;
-pub use view::{Camera, CameraLens, FovAxis, GltfCameraNode, Stroke, View};
+pub use view::{Camera, CameraLens, FovAxis, GltfCameraNode, View};
 pub use volume::{
     AlphaMeaning, AnimatedVolume, Animation, Between, Capsule, Environment, Extinction, Field, FieldSource,
     Find, GridSize, Interpolation, Key, KeyView, Lights, Noise, Over, PropertyBounds, Pull, Range,

@@ -74,6 +74,7 @@ fn view(name: &str, origin: [f64; 3], target: [f64; 3], place: &WorldPlace) -> R
         hardness: 0.5,
         opacity: 1.0,
         weight: 1.0,
+        pressure: Vec::new(),
         erases: false,
         color,
     };

@@ -86,6 +86,7 @@ export function returnFromPick() {
 export function chooseView(view) {
   if (!state.views[view]) return;
   state.showsAll = false;
+  tell('choice');
   makeActive(view);
   tell('seeing');
 }
@@ -126,6 +127,7 @@ export function setStops(stops) {
   exposureTimer = setTimeout(() => {
     exposureTimer = 0;
     sendExposure();
+    tell('exposed');
   }, EXPOSURE_MS);
 }
 

@@ -9,15 +9,19 @@ const ZOOMS = [0.25, 32];
 
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 
+export const middleOf = ({ size }) => ({ zoom: 1, x: size[0] / 2, y: size[1] / 2 });
+
 export function resetCameras() {
-  state.cameras = state.views.map(({ size }) => ({ zoom: 1, x: size[0] / 2, y: size[1] / 2 }));
+  state.cameras = state.views.map(middleOf);
 }
 
 // A pane: the box that a view has on the stage, and the scale and corner of its picture there.
 export function panes() {
   if (state.views.length === 0) return [];
   const { width, height } = state.stage;
-  if (!state.showsAll) return [pane(state.view, { x: 0, y: 0, width, height }, MARGIN)];
+  const whole = { x: 0, y: 0, width, height };
+  if (state.free) return [pane(state.free.view, whole, MARGIN, middleOf(state.views[state.free.view]))];
+  if (!state.showsAll) return [pane(state.view, whole, MARGIN)];
   const columns = bestColumns();
   return state.views.map((_, view) => pane(view, cell(view, columns), 0));
 }
@@ -28,9 +32,8 @@ function fitScale({ width, height }, [across, down], margin) {
   return Math.max(0.01, Math.min((width - 2 * margin) / across, (height - 2 * margin) / down));
 }
 
-function pane(view, box, margin) {
+function pane(view, box, margin, camera = state.cameras[view]) {
   const { size } = state.views[view];
-  const camera = state.cameras[view];
   const scale = fitScale(box, size, margin) * camera.zoom;
   const x = box.x + box.width / 2 - camera.x * scale;
   const y = box.y + box.height / 2 - camera.y * scale;
@@ -112,7 +115,7 @@ function keepInSight({ view, size }) {
 
 export function zoomBy(factor) {
   const place = activePane();
-  if (!place) return;
+  if (!place || state.free) return;
   const { box } = place;
   zoomAt(place, { x: box.x + box.width / 2, y: box.y + box.height / 2 }, factor);
 }

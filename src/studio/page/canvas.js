@@ -1,4 +1,4 @@
-// Draws the views' pictures: the kind that is chosen, the wipe, and the hatching of what no light reaches.
+// Draws the views' pictures: the kind that is chosen, the wipe, and the hatchings of what no light reaches and where paint contradicts paint.
 
 import { state, listen, tell } from './state.js';
 import { panes, seenBox, wipeLine } from './camera.js';
@@ -50,9 +50,21 @@ function draw() {
   context.imageSmoothingEnabled = true;
   context.imageSmoothingQuality = 'high';
   const all = panes();
+  if (state.free) {
+    drawFree(all[0]);
+    return;
+  }
   for (const place of all) drawPane(place);
-  if (state.showsReach) drawHatching(all);
+  if (state.showsReach) drawHatching('coverage', all);
+  if (state.showsConflicts) drawHatching('conflict', all);
   if (state.showsAll) drawLabels(all);
+}
+
+// The view's own picture stands in until the first from the free camera has come.
+function drawFree(place) {
+  const seen = state.free.isSeen && canvasOf('free', null);
+  if (seen) context.drawImage(seen, ...pixelRect(place));
+  else drawPicture('after', place);
 }
 
 function drawPane(place) {
@@ -111,13 +123,20 @@ function noteDrawn(view) {
   state.drawnRevision = revision;
 }
 
-// Diagonal lines, light beside dark so that they show on every picture, where the coverage has pixels.
-function drawHatching(all) {
+// Of each hatching: its light and dark lines, which side by side show on every picture, how wide and how far apart they are, and whether
+// they fall to the right.
+const HATCHES = {
+  coverage: { lines: ['rgb(255 255 255 / 42%)', 'rgb(0 0 0 / 45%)'], width: 1, apart: 9, falls: false },
+  conflict: { lines: ['rgb(255 64 160 / 95%)', 'rgb(30 0 16 / 70%)'], width: 1.6, apart: 12, falls: true },
+};
+
+// Diagonal lines where the mask of this kind has pixels.
+function drawHatching(kind, all) {
   veil.width = element.width;
   veil.height = element.height;
   const above = veil.getContext('2d');
   for (const place of all) {
-    const mask = canvasOf('coverage', place.view);
+    const mask = canvasOf(kind, place.view);
     if (!mask) continue;
     const { left, top, width, height } = seenBox(place);
     above.save();
@@ -129,7 +148,7 @@ function drawHatching(all) {
     above.restore();
   }
   above.globalCompositeOperation = 'source-in';
-  above.fillStyle = above.createPattern(hatchTile(), 'repeat');
+  above.fillStyle = above.createPattern(hatchTile(HATCHES[kind]), 'repeat');
   above.fillRect(0, 0, veil.width, veil.height);
   context.save();
   context.setTransform(1, 0, 0, 1, 0, 0);
@@ -137,14 +156,15 @@ function drawHatching(all) {
   context.restore();
 }
 
-function hatchTile() {
-  const side = Math.round(9 * ratio);
+function hatchTile({ lines: [light, dark], width, apart, falls }) {
+  const side = Math.round(apart * ratio);
   const tile = document.createElement('canvas');
   tile.width = side;
   tile.height = side;
   const pen = tile.getContext('2d');
-  pen.lineWidth = ratio;
-  for (const [color, shift] of [['rgb(255 255 255 / 42%)', 0], ['rgb(0 0 0 / 45%)', 1.3 * ratio]]) {
+  if (falls) pen.setTransform(-1, 0, 0, 1, side, 0);
+  pen.lineWidth = width * ratio;
+  for (const [color, shift] of [[light, 0], [dark, 1.3 * width * ratio]]) {
     pen.strokeStyle = color;
     pen.beginPath();
     for (const turn of [-side, 0, side]) {
@@ -182,7 +202,7 @@ export function watchStage(container, canvases) {
   resize();
 }
 
-listen('camera scene seeing view theme', redraw);
+listen('camera scene seeing view theme free', redraw);
 listen('picture', ({ kind }) => {
   if (kind !== 'light_map') redraw();
 });

@@ -5,6 +5,7 @@ import {
   adjust, chooseTool, chooseView, commands, moveWipe, paintInHand, peek, scaleRadius, see, select, toggle,
 } from './actions.js';
 import { zoomBy } from './camera.js';
+import * as free from './free.js';
 import { cancelGesture } from './pointer.js';
 import { hardnessOf } from './strokes.js';
 
@@ -40,6 +41,7 @@ const groups = [
     ['Ctrl Z', 'Undo', { 'ctrl+z': commands.undo }],
     ['Ctrl Shift Z', 'Redo', { 'ctrl+shift+z': commands.redo, 'ctrl+y': commands.redo }],
     ['Ctrl S', 'Save', { 'ctrl+s': commands.save }],
+    ['Double click', 'Rename a group'],
   ]],
   ['Seeing', [
     ['A', 'After', { a: () => see('after') }],
@@ -49,6 +51,7 @@ const groups = [
     ['W', 'Wipe between before and after', { w: () => seeOrAfter('wipe') }],
     ['←  →', 'Move the wipe', { arrowleft: () => stepWipe(-0.02), arrowright: () => stepWipe(0.02) }],
     ['R', 'Hatch what no light reaches', { r: () => toggle('showsReach') }],
+    ['X', 'Hatch where paint contradicts paint', { x: () => toggle('showsConflicts') }],
     ['O', 'Outlines of strokes', { o: () => toggle('showsOutlines') }],
     ['L', 'Light map', { l: () => toggle('showsLightMap') }],
   ]],
@@ -64,7 +67,23 @@ const groups = [
   ]],
 ];
 
-const runs = new Map(groups.flatMap(([, lines]) => lines.flatMap(([, , keys]) => Object.entries(keys ?? {}))));
+const freeLines = [
+  ['C', 'Enter and leave', { c: free.switchFree }],
+  ['drag', 'Around the middle'],
+  ['Shift drag', 'Sideways, up and down'],
+  ['wheel', 'Nearer and farther'],
+  ['W  A  S  D', 'Fly; arrows do, too'],
+  ['Q  E', 'Down, up'],
+  ['0  or Home', "The view's own camera", { 0: free.home, home: free.home }],
+  ['Esc', 'Leave', { escape: () => cancelGesture() || free.leave() }],
+];
+
+const runsOf = (lines) => lines.flatMap(([, , keys]) => Object.entries(keys ?? {}));
+const runs = new Map([...groups.flatMap(([, lines]) => runsOf(lines)), ['c', free.switchFree]]);
+const freeRuns = new Map(runsOf(freeLines));
+// What else holds while the camera is free: the file, other views, this sheet.
+const staysFree = (name) => /^(ctrl\+.+|[1-9]|f6|\?|l)$/.test(name);
+const runFor = (name) => (state.free ? freeRuns.get(name) ?? (staysFree(name) && runs.get(name)) : runs.get(name));
 
 function leave() {
   if (!cancelGesture()) select(null);
@@ -111,7 +130,11 @@ function pressed(event) {
   const name = nameOf(event);
   // Tab belongs to the picture only there; elsewhere it goes from control to control. Arrows belong to sliders.
   const isKept = (name === 'tab' || name.startsWith('arrow')) && !isPictureFocused();
-  const run = isKept ? null : runs.get(name);
+  if (state.free && !isKept && free.holdKey(name.replace('shift+', ''))) {
+    event.preventDefault();
+    return;
+  }
+  const run = isKept ? null : runFor(name);
   if (event.key === 'F6' || (event.key === 'Tab' && !run)) document.body.classList.add('by-keys');
   if (!run || (event.repeat && name === 'tab')) return;
   event.preventDefault();
@@ -121,6 +144,7 @@ function pressed(event) {
 function released(event) {
   if (event.key === 'Alt') holdAlt(event, false);
   if (event.key.toLowerCase() === 'q') peek(false);
+  free.letGoOf(event.key.toLowerCase());
   if (event.code !== 'Space' || !state.spaceHeld) return;
   event.preventDefault();
   letGo();
@@ -138,18 +162,19 @@ function letGo() {
   state.spaceHeld = false;
   state.altHeld = false;
   peek(false);
+  free.letGoOfAll();
   tell('pointer');
 }
 
 function fillSheet() {
   const make = (name, text = '') => Object.assign(document.createElement(name), { textContent: text });
-  const parts = groups.map(([title, lines]) => {
+  const parts = [...groups, ['Free camera', freeLines]].map(([title, lines]) => {
     const part = make('section');
     const list = make('dl');
     for (const [keys, says] of lines) {
       const term = make('dt');
       for (const word of keys.split(/ +/)) {
-        const isPlain = ['or', '…', 'hold', 'drag', 'wheel', 'Middle', 'button'].includes(word);
+        const isPlain = ['or', '…', 'hold', 'drag', 'wheel', 'Middle', 'button', 'Double', 'click'].includes(word);
         term.append(make(isPlain ? 'span' : 'kbd', word), ' ');
       }
       list.append(term, make('dd', says));

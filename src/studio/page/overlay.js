@@ -3,7 +3,9 @@
 import { state, listen } from './state.js';
 import { activePane, paneAt, panes, seenBox, wipeLine } from './camera.js';
 import { paintInHand, selectedStroke } from './actions.js';
+import { strokeUnderWay } from './brush.js';
 import { cssColor } from './colour.js';
+import { isShown } from './groups.js';
 import { drawOutline, drawPaint, hardnessOf } from './strokes.js';
 
 export const GRIP_RADIUS = 15;
@@ -31,6 +33,7 @@ function draw() {
   const all = panes();
   if (marksAreDue) drawMarks(all);
   live.clearRect(0, 0, state.stage.width, state.stage.height);
+  if (state.free) return;
   for (const place of all) inside(live, place, () => drawUnderWay(place));
   if (state.seen === 'wipe' && !state.peeks) for (const place of all) drawWipe(place);
   drawPointer();
@@ -49,13 +52,13 @@ function inside(context, { box }, run) {
 function drawMarks(all) {
   marksAreDue = false;
   marks.clearRect(0, 0, state.stage.width, state.stage.height);
-  for (const place of all) inside(marks, place, () => drawMarksOf(place));
+  if (!state.free) for (const place of all) inside(marks, place, () => drawMarksOf(place));
 }
 
 function drawMarksOf(place) {
   const { view } = place;
   if (state.showsOutlines) {
-    for (const stroke of state.strokes[view] ?? []) drawOutline(marks, stroke, place, { color: lineColor(stroke) });
+    for (const stroke of (state.strokes[view] ?? []).filter(isShown)) drawOutline(marks, stroke, place, { color: lineColor(stroke) });
   }
   for (const entry of state.pending) {
     if (entry.view === view) drawOutline(marks, entry.stroke, place, { color: lineColor(entry.stroke), strength: 0.6 });
@@ -77,8 +80,7 @@ function drawUnderWay(place) {
     drawPaint(live, state.draft.stroke, place);
   }
   if (state.live?.view === place.view) {
-    const { stroke, tip } = state.live;
-    drawPaint(live, tip ? { ...stroke, points: [...stroke.points, tip] } : stroke, place);
+    drawPaint(live, strokeUnderWay(state.live), place);
   }
 }
 
@@ -174,7 +176,7 @@ function drawLoupe({ x, y }) {
   for (const radius of [17, 27]) twoTone(live, 1, () => live.arc(x, y, radius, 0, 2 * Math.PI));
 }
 
-listen('camera scene strokes selection marks seeing view', redrawMarks);
+listen('camera scene strokes groups selection marks seeing view', redrawMarks);
 listen('picture', ({ kind }) => {
   if (kind === 'after') redrawMarks();
 });

@@ -1,11 +1,12 @@
 // Mouse, pen and fingers over the picture: which gesture begins, and where it goes.
 
-import { state, listen, tell } from './state.js';
+import { state, listen, tell, remember } from './state.js';
 import { activePane, paneAt, panBy, panes, seenBox, toPicture, wipeLine, zoomAt } from './camera.js';
 import { chooseColor, makeActive, moveWipe, returnFromPick, scaleRadius } from './actions.js';
 import { cancelStroke, endStroke, extendStroke, startStroke } from './brush.js';
 import { cancelMove, endMove, move, startMove } from './select.js';
 import { GRIP_RADIUS } from './overlay.js';
+import { dolly, orbit, slide } from './free.js';
 import { send } from './socket.js';
 
 const canvas = document.getElementById('view-canvas');
@@ -17,8 +18,16 @@ let lastReach = '';
 
 const pointOf = (event) => {
   const box = canvas.getBoundingClientRect();
-  return { x: event.clientX - box.left, y: event.clientY - box.top };
+  const pressure = event.pointerType === 'pen' ? event.pressure : undefined;
+  return { x: event.clientX - box.left, y: event.clientY - box.top, pressure };
 };
+
+// By how far the hand went since the gesture's last step.
+function stepTo(point) {
+  const { last } = gesture;
+  gesture.last = point;
+  return [point.x - last.x, point.y - last.y];
+}
 
 // A gesture keeps its view, but zoom and pan may change under way.
 const placeOf = () => panes().find(({ view }) => view === gesture.view) ?? activePane();
@@ -41,15 +50,21 @@ const kinds = {
   },
   wipe: { move: (place, points) => dragWipe(place, points.at(-1)) },
   pan: {
-    move: (place, points) => {
-      const point = points.at(-1);
-      panBy(place, point.x - gesture.last.x, point.y - gesture.last.y);
-      gesture.last = point;
-    },
+    move: (place, points) => panBy(place, ...stepTo(points.at(-1))),
+  },
+  orbit: {
+    move: (place, points) => orbit(...stepTo(points.at(-1))),
+  },
+  slide: {
+    move: (place, points) => slide(place, ...stepTo(points.at(-1))),
   },
 };
 
 function kindFor(event, place, point) {
+  if (state.free) {
+    if (event.button === 1 || (event.button === 0 && (event.shiftKey || state.spaceHeld))) return 'slide';
+    return event.button === 0 ? 'orbit' : null;
+  }
   if (event.button === 1 || (event.button === 0 && state.spaceHeld)) return 'pan';
   if (event.button !== 0 && event.button !== ERASER_BUTTON) return null;
   if (isOnWipe(place, point)) return 'wipe';
@@ -58,7 +73,7 @@ function kindFor(event, place, point) {
 }
 
 function isOnWipe(place, { x, y }) {
-  if (state.seen !== 'wipe' || !place) return false;
+  if (state.seen !== 'wipe' || !place || state.free) return false;
   const { top, height } = seenBox(place);
   const away = Math.abs(x - wipeLine(place));
   const isOnGrip = Math.hypot(away, y - top - height / 2) <= GRIP_RADIUS + 3;
@@ -87,7 +102,7 @@ function begin(event) {
   if (!kind) return;
   event.preventDefault();
   makeActive(place.view);
-  gesture = { kind, view: place.view, id: event.pointerId, last: point };
+  gesture = { kind, view: place.view, id: event.pointerId, last: point, free: state.free };
   if (kind === 'stroke') startStroke(place, point, { isErasing: state.tool === 'eraser' || event.button === ERASER_BUTTON });
   if (kind === 'move') startMove(place, point);
   if (kind === 'pick') {
@@ -120,7 +135,13 @@ function pinch(event) {
   const now = spread();
   const place = paneAt(before.middle);
   if (!place) return;
-  panBy(place, now.middle.x - before.middle.x, now.middle.y - before.middle.y);
+  const step = [now.middle.x - before.middle.x, now.middle.y - before.middle.y];
+  if (state.free) {
+    slide(place, ...step);
+    if (now.width > 0) dolly(before.width / now.width);
+    return;
+  }
+  panBy(place, ...step);
   if (before.width > 0) zoomAt(paneAt(before.middle), now.middle, now.width / before.width);
 }
 
@@ -132,6 +153,7 @@ function spread() {
 
 function down(event) {
   canvas.setPointerCapture(event.pointerId);
+  if (event.pointerType === 'pen') notePen();
   if (event.pointerType === 'touch') {
     touches.set(event.pointerId, pointOf(event));
     if (touches.size === 2) cancelGesture();
@@ -139,6 +161,13 @@ function down(event) {
   }
   if (!gesture) begin(event);
   hover(event);
+}
+
+function notePen() {
+  if (state.penSeen) return;
+  state.penSeen = true;
+  remember();
+  tell('pen');
 }
 
 function moved(event) {
@@ -173,7 +202,8 @@ function wheel(event) {
   const amount = event.deltaY * lines;
   const place = paneAt(pointOf(event));
   if (!place || amount === 0) return;
-  if (event.ctrlKey || event.metaKey) {
+  if (state.free) dolly(Math.exp(amount * (Math.abs(amount) < 40 ? 0.005 : 0.0012)));
+  else if (event.ctrlKey || event.metaKey) {
     // A pinch comes as small steps, a wheel as large ones.
     zoomAt(place, pointOf(event), Math.exp(-amount * (Math.abs(amount) < 40 ? 0.01 : 0.002)));
   } else {
@@ -184,8 +214,8 @@ function wheel(event) {
 // The ring is the cursor where there is one.
 function showCursor() {
   let cursor = 'none';
-  if (gesture?.kind === 'pan') cursor = 'grabbing';
-  else if (state.spaceHeld) cursor = 'grab';
+  if (['pan', 'orbit', 'slide'].includes(gesture?.kind)) cursor = 'grabbing';
+  else if (state.spaceHeld || state.free) cursor = 'grab';
   else if (state.pointer?.isOnWipe) cursor = 'ew-resize';
   else if (state.altHeld || state.tool === 'pick') cursor = 'crosshair';
   else if (state.tool === 'select') cursor = 'default';
@@ -200,6 +230,11 @@ export function watchPointer() {
   canvas.addEventListener('pointerleave', hover);
   canvas.addEventListener('wheel', wheel, { passive: false });
   canvas.addEventListener('contextmenu', (event) => event.preventDefault());
-  listen('pointer tool', showCursor);
+  listen('pointer tool free', showCursor);
+  // Nothing goes on that had begun before the camera was taken, or among views that were others.
+  listen('free', () => {
+    if (gesture && state.free !== gesture.free) cancelGesture();
+  });
+  listen('scene', ({ isMoved }) => isMoved && cancelGesture());
   listen('reached', ({ color }) => chooseColor(color));
 }

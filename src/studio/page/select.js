@@ -3,7 +3,8 @@
 import { state, tell } from './state.js';
 import { toPicture } from './camera.js';
 import { commit, select, selectedStroke } from './actions.js';
-import { distanceToStroke, movedBy, touchesPicture } from './strokes.js';
+import { isShown } from './groups.js';
+import { isOnStroke, movedBy, touchesPicture } from './strokes.js';
 import { send } from './socket.js';
 
 const NEAR = 5; // pixels of the screen: thin strokes can be hit, too
@@ -14,7 +15,7 @@ let original = null;
 
 function strokeAt({ view, scale }, point) {
   const strokes = state.strokes[view] ?? [];
-  return strokes.findLastIndex((stroke) => distanceToStroke(point, stroke) <= Math.max(stroke.radius, NEAR / scale));
+  return strokes.findLastIndex((stroke) => isShown(stroke) && isOnStroke(point, stroke, NEAR / scale));
 }
 
 export function startMove(place, point) {

@@ -1,7 +1,7 @@
 // The connection to the server: it reconnects by itself, decodes what comes, and loses no stroke.
 
 import { state, listen, tell } from './state.js';
-import { resetCameras } from './camera.js';
+import { middleOf, resetCameras } from './camera.js';
 import { distance } from './strokes.js';
 
 const RETRY_MS = 1000;
@@ -64,6 +64,7 @@ const receivers = {
   strokes: receiveStrokes,
   progress: receiveProgress,
   exporting: receiveExporting,
+  look: ({ sun, sigma_t, span }) => tell('look', { sun, sigma_t, span }),
   reached: (message) => tell('reached', message),
   notice: receiveNotice,
 };
@@ -73,40 +74,68 @@ function receive(message) {
 }
 
 function receiveHello(hello) {
-  const isSame = state.scene?.path === hello.path && sameViews(state.views, hello.views);
-  if (state.scene && !isSame) unconfirmed = [];
-  // What the lost connection took along is unsure until the list of strokes comes.
-  for (const entry of unconfirmed) entry.isSent = false;
+  const isNew = !isOpen();
+  const isOther = state.scene?.path !== hello.path;
+  const old = state.views;
+  // Where each of the old views is now, or -1.
+  const places = isOther ? old.map(() => -1) : old.map(({ name, size }) =>
+    hello.views.findIndex((view) => view.name === name && `${view.size}` === `${size}`));
+  const isMoved = places.some((place, view) => place !== view);
   state.scene = hello;
   state.views = hello.views;
-  // A server that has started again counts from the beginning.
-  for (const picture of state.pictures.values()) picture.serial = -1;
-  for (const entry of state.pending) entry.revision = -1;
-  if (!isSame) {
+  if (isNew) forgetCounts();
+  if (isOther) {
+    unconfirmed = [];
     state.pictures.clear();
-    state.pending = [];
-    state.strokes = hello.views.map(() => []);
-    state.view = Math.min(state.view, hello.views.length - 1);
-    state.selection = null;
-    state.draft = null;
     state.baseExposure = hello.exposure;
-    resetCameras();
   }
+  moveViews(places);
   watched = '';
   setSocket('open');
-  // First the exposure: the pictures that are asked for come with it.
-  sendExposure();
+  if (isNew) {
+    // First the exposure: the pictures that are asked for come with it.
+    sendExposure();
+    // An export ends with its server.
+    receiveExporting({ is_running: false });
+  }
   watch();
-  // An export ends with its server.
-  receiveExporting({ is_running: false });
-  tell('scene', { isSame });
+  tell('scene', { isMoved });
 }
 
-const sameViews = (old, now) =>
-  old.length === now.length && old.every(({ name, size }, view) => name === now[view].name && `${size}` === `${now[view].size}`);
+// A server that has started again counts from the beginning. What the lost connection took along is unsure until the list of strokes comes.
+function forgetCounts() {
+  for (const entry of unconfirmed) entry.isSent = false;
+  for (const picture of state.pictures.values()) picture.serial = -1;
+  for (const entry of state.pending) entry.revision = -1;
+}
+
+// What is known of views goes where they are now: a view that was added or went away leaves the others as they were.
+function moveViews(places) {
+  const { cameras, strokes } = state;
+  resetCameras();
+  state.strokes = state.views.map(() => []);
+  places.forEach((now, view) => {
+    if (now < 0) return;
+    state.cameras[now] = cameras[view] ?? middleOf(state.views[now]);
+    state.strokes[now] = strokes[view] ?? [];
+  });
+  const isKept = ({ view }) => (places[view] ?? -1) >= 0;
+  const moved = (entry) => (entry && isKept(entry) ? { ...entry, view: places[entry.view] } : null);
+  unconfirmed = unconfirmed.filter(isKept).map(moved);
+  state.pending = state.pending.filter(isKept).map(moved);
+  for (const name of ['selection', 'draft', 'live']) state[name] = moved(state[name]);
+  state.pictures = new Map([...state.pictures].flatMap(([key, picture]) => {
+    const [kind, view] = key.split('/');
+    if (view === 'null') return [[key, picture]];
+    return (places[view] ?? -1) >= 0 ? [[`${kind}/${places[view]}`, picture]] : [];
+  }));
+  const view = places[state.view] ?? -1;
+  state.view = view >= 0 ? view : Math.min(state.view, state.views.length - 1);
+}
 
 function receiveStrokes(message) {
   state.strokes = message.views;
+  state.groups = (message.groups ?? []).map(({ name, hidden = false, weight = 1 }) => ({ name, hidden, weight }));
   state.revision = message.revision;
   state.canUndo = message.can_undo;
   state.canRedo = message.can_redo;
@@ -114,8 +143,9 @@ function receiveStrokes(message) {
   // Only a stroke that was sent can be confirmed, and one in the list confirms only one.
   const free = message.views.map((strokes) => [...strokes]);
   unconfirmed = unconfirmed.filter(({ view, stroke }) => {
-    const at = free[view].findLastIndex((other) => isSameStroke(stroke, other));
-    if (at >= 0) free[view].splice(at, 1);
+    const others = free[view] ?? [];
+    const at = others.findLastIndex((other) => isSameStroke(stroke, other));
+    if (at >= 0) others.splice(at, 1);
     return at < 0;
   });
   flush();
@@ -167,6 +197,7 @@ function watch() {
   const pictures = ['after', 'before'];
   if (state.seen === 'target' || state.seen === 'difference') pictures.push(state.seen);
   if (state.showsReach) pictures.push('coverage');
+  if (state.showsConflicts) pictures.push('conflict');
   if (state.showsLightMap) pictures.push('light_map');
   if (watched === `${pictures}` || !isOpen()) return;
   watched = `${pictures}`;

@@ -5,12 +5,14 @@ export const state = {
   scene: null, // what hello said
   views: [],
   strokes: [], // by view, as the server last told
+  groups: [], // { name, hidden, weight }
   revision: 0, // which change of them that was
   canUndo: false,
   canRedo: false,
   isSaved: true,
   pictures: new Map(), // by "kind/view"
   progress: null,
+  look: { sun: null, sigma_t: null, span: 1 }, // what of the light and the fog can be changed
   isExporting: false,
 
   view: 0,
@@ -21,6 +23,7 @@ export const state = {
   wipe: 0.5,
   showsAll: false,
   showsReach: false,
+  showsConflicts: false,
   showsOutlines: false,
   showsLightMap: false,
   stops: 0,
@@ -28,12 +31,17 @@ export const state = {
 
   tool: 'brush',
   brush: { color: '#ff9620', radius: 0, hardness: 0.8, opacity: 1 }, // the radius waits for a picture to fit
+  group: null, // the name of the one that new strokes go into
   ownColors: [],
   theme: '',
+  penSeen: false,
+  penPressure: true,
+  closed: [], // sections of the panel
   selection: null, // { view, number }
   draft: null, // { view, number, stroke }: the selected stroke while it is changed
-  live: null, // { view, stroke, tip }: the stroke under way
+  live: null, // { view, stroke, pressures, tip }: the stroke under way
   pending: [], // strokes whose light has not been seen yet
+  free: null, // { view, camera, … }: the free camera, while it flies
   pointer: null, // where it hovers over the picture, in pixels of the page
   spaceHeld: false,
   altHeld: false,
@@ -72,15 +80,18 @@ export function recall() {
       state.ownColors = kept.ownColors.filter((own) => /^#[0-9a-f]{6}$/.test(own)).slice(0, 8);
     }
     if (kept.theme === 'dark' || kept.theme === 'light') state.theme = kept.theme;
+    state.penSeen = kept.penSeen === true;
+    state.penPressure = kept.penPressure !== false;
+    if (Array.isArray(kept.closed)) state.closed = kept.closed;
   } catch {
     return;
   }
 }
 
 export function remember() {
-  const { brush, ownColors, theme } = state;
+  const { brush, ownColors, theme, penSeen, penPressure, closed } = state;
   try {
-    localStorage.setItem(STORE, JSON.stringify({ brush, ownColors, theme }));
+    localStorage.setItem(STORE, JSON.stringify({ brush, ownColors, theme, penSeen, penPressure, closed }));
   } catch {
     return;
   }

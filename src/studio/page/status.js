@@ -3,9 +3,9 @@
 import { state, listen } from './state.js';
 import { activePane } from './camera.js';
 import { fitCanvas } from './canvas.js';
+import { byId, element } from './dom.js';
 import { unsentCount } from './socket.js';
 
-const byId = (id) => document.getElementById(id);
 const status = byId('status');
 const curve = byId('curve');
 const CURVE = { width: 120, height: 20 };
@@ -57,6 +57,7 @@ function showProgress() {
   if (gradients.length > MOST_POINTS) gradients = gradients.filter((_, index) => index % 2 === 0);
   last = progress;
   byId('numbers').textContent = numbersText(progress);
+  byId('numbers').disabled = numbersText(progress) === '';
   showPhase();
   drawCurve();
 }
@@ -107,11 +108,13 @@ function showRemarks() {
   const button = byId('remarks');
   button.hidden = remarks.length === 0;
   button.textContent = remarks.length === 1 ? '1 remark' : `${remarks.length} remarks`;
-  byId('remarks-list').replaceChildren(...remarks.map((text) => {
-    const line = document.createElement('p');
-    line.textContent = text;
-    return line;
-  }));
+  byId('remarks-list').replaceChildren(...remarks.map((text) => element('p', '', text)));
+}
+
+function showDetails() {
+  const details = state.progress?.details ?? [];
+  byId('details').replaceChildren(...details.flatMap(([label, value]) => [element('dt', '', label), element('dd', '', value)]));
+  byId('details-wait').hidden = details.length > 0;
 }
 
 export function watchStatus() {
@@ -120,6 +123,7 @@ export function watchStatus() {
   fitCanvas(curve, CURVE);
   listen('progress', showProgress);
   listen('progress', showRemarks);
+  listen('progress', showDetails);
   listen('socket', showSocket);
   listen('exporting', showExport);
   listen('marks', () => {

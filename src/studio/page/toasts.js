@@ -1,27 +1,12 @@
 // Notices in the corner: they leave by themselves, errors stay until they are dismissed.
 
 import { listen } from './state.js';
+import { byId, element, icon } from './dom.js';
 
 const SECONDS = { done: 6, warning: 14 };
 const MOST = 4;
 
-const shelf = document.getElementById('toasts');
-
-function element(name, className, text = '') {
-  const made = document.createElement(name);
-  made.className = className;
-  made.textContent = text;
-  return made;
-}
-
-function closeIcon() {
-  const namespace = 'http://www.w3.org/2000/svg';
-  const icon = document.createElementNS(namespace, 'svg');
-  const use = document.createElementNS(namespace, 'use');
-  use.setAttribute('href', '#icon-close');
-  icon.append(use);
-  return icon;
-}
+const shelf = byId('toasts');
 
 function showNotice({ kind, text }) {
   // The same notice again is not a second one.
@@ -32,7 +17,7 @@ function showNotice({ kind, text }) {
   toast.setAttribute('role', kind === 'error' ? 'alert' : 'status');
   const close = element('button', 'icon small');
   close.setAttribute('aria-label', 'Dismiss');
-  close.append(closeIcon());
+  close.append(icon('close'));
   close.addEventListener('click', () => toast.remove());
   toast.append(element('p', 'toast-text', text), close);
   shelf.append(toast);

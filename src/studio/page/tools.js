@@ -1,14 +1,15 @@
 // Toolbar, switches and sliders: they show the state, and hand clicks on to the actions.
 
-import { state, listen, tell } from './state.js';
+import { state, listen, tell, remember } from './state.js';
 import {
   adjust, chooseTool, commands, commit, largestRadius, paintInHand, see, selectedStroke, setStops, theme, toggle,
 } from './actions.js';
+import { byId, showFill } from './dom.js';
+import { switchFree } from './free.js';
 import { hardnessOf, opacityOf } from './strokes.js';
 
 const SMALLEST_RADIUS = 0.5;
 
-const byId = (id) => document.getElementById(id);
 const all = (selector) => [...document.querySelectorAll(selector)];
 
 const HINTS = {
@@ -32,12 +33,6 @@ const sliders = {
 
 function percent(read) {
   return { toValue: (step) => step / 100, toStep: (value) => value * 100, read, text: (value) => `${Math.round(value * 100)} %` };
-}
-
-// The part of the track that is filled.
-function showFill(input) {
-  const part = (input.value - input.min) / (input.max - input.min);
-  input.style.setProperty('--part', `${Math.min(1, Math.max(0, part)) * 100}%`);
 }
 
 function showSliders() {
@@ -93,6 +88,19 @@ function showPanelTitle() {
   byId('delete-stroke').classList.toggle('is-away', !isSelected);
 }
 
+// While the camera is free nothing is painted, and there is one picture only.
+function showFree() {
+  const isFree = state.free !== null;
+  byId('segments').inert = isFree;
+  for (const button of all('[data-tool], .rail [data-toggle]:not([data-toggle=showsLightMap])')) button.disabled = isFree;
+  byId('camera').setAttribute('aria-pressed', isFree);
+  byId('camera').disabled = !isFree && (state.socket !== 'open' || !state.views[state.view]?.camera);
+  byId('zoom').disabled = isFree;
+  byId('tool-hint').textContent = isFree ? '' : HINTS[state.tool];
+  showSteps();
+  showHint();
+}
+
 function showSeeing() {
   for (const button of all('[data-seen]')) {
     const kind = state.peeks ? 'before' : state.seen;
@@ -108,17 +116,39 @@ function showSteps() {
   byId('redo').disabled = !isOpen || !state.canRedo;
   byId('save').disabled = !isOpen;
   byId('export').disabled = !isOpen || state.isExporting;
-  byId('clear').disabled = !isOpen || !state.strokes[state.view]?.length;
+  byId('clear').disabled = !isOpen || state.free !== null || !state.strokes[state.view]?.length;
+  const isNew = state.scene?.is_new === true;
+  const isSaved = state.isSaved && !isNew;
   const name = state.scene?.scene ?? 'unscatter';
   byId('scene-name').textContent = name;
   byId('scene-name').title = state.scene?.path ?? '';
-  byId('unsaved').hidden = state.isSaved;
-  document.title = `${state.isSaved ? '' : '● '}${name} – unscatter`;
+  byId('unsaved').hidden = isSaved;
+  byId('new-scene').hidden = !isNew;
+  byId('save').dataset.tip = isNew ? 'Make the scene file  Ctrl S' : 'Write strokes into the scene file  Ctrl S';
+  document.title = `${isSaved ? '' : '● '}${name}${isNew ? ' (not saved yet)' : ''} – unscatter`;
 }
 
 function showHint() {
   const isEmpty = state.scene && state.strokes.every((strokes) => strokes.length === 0) && state.pending.length === 0;
-  byId('hint').hidden = !isEmpty || state.live !== null;
+  byId('hint').hidden = !isEmpty || state.live !== null || state.free !== null;
+  const file = state.scene?.path?.split(/[/\\]/).at(-1);
+  byId('hint-save').textContent = state.scene?.is_new ? ` Save makes the scene file ${file}.` : '';
+}
+
+function showPen() {
+  byId('pen-box').hidden = !state.penSeen;
+  byId('pen-pressure').checked = state.penPressure;
+}
+
+// Which sections of the panel are closed is remembered.
+function watchSections() {
+  for (const section of all('.panel details')) {
+    section.open = !state.closed.includes(section.id);
+    section.addEventListener('toggle', () => {
+      state.closed = all('.panel details:not([open])').map(({ id }) => id);
+      remember();
+    });
+  }
 }
 
 function showTheme() {
@@ -130,23 +160,31 @@ export function watchTools() {
   for (const button of all('[data-seen]')) button.addEventListener('click', () => see(button.dataset.seen));
   for (const button of all('[data-toggle]')) button.addEventListener('click', () => toggle(button.dataset.toggle));
   for (const button of all('[data-command]')) button.addEventListener('click', () => commands[button.dataset.command]());
+  byId('camera').addEventListener('click', switchFree);
   // After the mouse, keys belong to the picture again; who comes by keyboard stays where they are.
-  for (const region of all('.top, .rail, .panel, .views, .status')) {
+  for (const region of all('.top, .rail, .panel, .views, .status, .free-bar')) {
     region.addEventListener('pointerup', ({ target }) => {
-      if (target.closest('button, input[type=range], canvas')) {
+      if (target.closest('button, input[type=range], canvas, summary, .switch')) {
         byId('view-canvas').focus({ preventScroll: true });
       }
     });
   }
   watchSliders();
+  watchSections();
+  byId('pen-pressure').addEventListener('change', ({ target }) => {
+    state.penPressure = target.checked;
+    remember();
+  });
   matchMedia('(prefers-color-scheme: light)').addEventListener('change', () => tell('theme'));
   listen('brush selection scene', showSliders);
   listen('tool', showTool);
   listen('selection', showPanelTitle);
   listen('seeing', showSeeing);
+  listen('seeing scene socket view', showFree);
+  listen('pen', showPen);
   listen('exposure', showExposure);
   listen('scene strokes socket exporting view', showSteps);
   listen('scene strokes live marks', showHint);
   listen('theme', showTheme);
-  for (const show of [showSliders, showTool, showSeeing, showExposure, showSteps, showTheme]) show();
+  for (const show of [showSliders, showTool, showSeeing, showExposure, showFree, showTheme, showPen]) show();
 }

@@ -26,6 +26,7 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     ("CylinderShape", &["to_world"]),
     // As the format of a picture has it.
     ("View", &["association"]),
+    ("Stroke", &["group"]),
     // Either the one or the others.
     ("Camera", &["to_world", "fov", "fov_axis", "lens", "gltf"]),
     ("Transform", &["matrix", "look_at", "translate", "rotate", "scale"]),
@@ -75,12 +76,13 @@ const LIGHT_MAP: &str = r##"{
     {
       "name": "front",
       "camera": { "to_world": { "look_at": { "origin": [0, 2, 9], "target": [0, 2, 0] } }, "fov": 40, "size": [64, 48] },
-      "strokes": [{ "points": [[8, 8], [32, 40.5]], "radius": 3, "color": "#ff8000" }],
+      "strokes": [{ "points": [[8, 8], [32, 40.5]], "radius": 3, "color": "#ff8000", "group": "warm" }],
       "layers": ["@paint.png"]
     },
     { "name": "side", "camera": { "gltf": { "file": "@hall.glb", "node": "Eye" }, "size": [32, 32] } },
     { "name": "photo", "camera": { "to_world": {}, "lens": { "focal_length": [60, 58], "k1": -0.1 }, "size": [64, 48] } }
   ],
+  "groups": [{ "name": "warm" }],
   "light_map": { "extent": { "min": [-2, -1], "max": [2, 1] } },
   "solve": { "quadrature": { "march": { "steps": 64 } } }
 }"##;

@@ -145,7 +145,7 @@ impl VolumeDocument {
         let stages = self.find.stages();
         let volume = self.settled_volume();
         animation.check(&volume, &stages).at("animation")?;
-        let mut assets = Assets::beside(file).within(self.solve.memory);
+        let mut assets = Assets::beside(file).within(self.solve.memory).grouped(&self.groups)?;
         let first = &animation.keys[0];
         let medium = (&volume, &stages[..]);
         let mut frames = None;

@@ -10,7 +10,7 @@ use crate::io::image::Association;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, within};
-use crate::io::scene_file::view::Stroke;
+use crate::io::scene_file::stroke::Stroke;
 use crate::scene::{self, Find, VolumeMedium, VolumeScene, VoxelGrid};
 
 /// Frames at most.

@@ -20,6 +20,7 @@ use crate::io::scene_file::flaw::{At, Built, Flaw, checked};
 use crate::io::scene_file::light::Light;
 use crate::io::scene_file::occluder::{Occluder, mesh_of};
 use crate::io::scene_file::solve::Solve;
+use crate::io::scene_file::stroke::Group;
 use crate::io::transforms::Shot;
 use crate::scene::{self, Rgb, VolumeMedium, VolumeScene};
 
@@ -70,6 +71,10 @@ pub struct VolumeDocument {
     /// More views from a `transforms.json`: cameras and the pictures that they should show.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transforms: Option<TransformsFile>,
+    /// Groups of strokes, by whose names strokes say that they are in them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(!skip_serializing_if)]
+    pub groups: Vec<Group>,
     /// What a painted colour asks for: a tint of what is seen there, or radiance.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
@@ -207,6 +212,7 @@ impl VolumeDocument {
             occluders: Vec::new(),
             views,
             transforms: None,
+            groups: Vec::new(),
             target: Target::default(),
             opacity: Opacity::default(),
             extinction: Extinction::default(),
@@ -226,7 +232,7 @@ impl VolumeDocument {
             return Ok(self.animate(file)?.animation.keys.swap_remove(0).scene);
         }
         let (stages, volume) = (self.find.stages(), self.settled_volume());
-        let mut assets = Assets::beside(file).within(self.solve.memory);
+        let mut assets = Assets::beside(file).within(self.solve.memory).grouped(&self.groups)?;
         self.scene(file, &mut assets, |assets| volume.build(assets, &stages, None).at("volume"))
     }
 

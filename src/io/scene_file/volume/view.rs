@@ -7,7 +7,8 @@ use crate::io::image::Association;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw};
-use crate::io::scene_file::view::{Camera, Stroke, checked_camera, painted};
+use crate::io::scene_file::stroke::Stroke;
+use crate::io::scene_file::view::{Camera, checked_camera, painted};
 use crate::scene::{self, RgbaImage, luminance};
 
 /// A camera and what its picture should show.
