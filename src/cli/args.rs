@@ -30,7 +30,7 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Paint on the views of a scene in the browser, and see the light shafts follow.
+    /// Paint on the views of a scene, or of a model (.glb, .gltf, .obj), in the browser, and see light shafts or a volume follow.
     #[cfg(feature = "studio")]
     Paint(PaintArguments),
     /// Find the light map behind painted strokes.

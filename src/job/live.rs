@@ -2,11 +2,10 @@
 
 use std::sync::Arc;
 
-use glam::DAffine3;
-
 use super::engine::{Engine, On};
 use super::memory::MemoryBudget;
 use super::observer::Stop;
+use super::preview::{Preview, scaled, seen_at};
 use super::{Job, Options};
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuOperator;
@@ -15,24 +14,13 @@ use crate::problem::{
     Backdrop, Begin, Canvas, LightMapProblem, Painting, Paused, Problem, Renderer, Solved, Traced, fit,
     minimize, paint, pixels, render,
 };
-use crate::scene::{
-    Camera, Extent, Image, MapSettings, Rgb, RgbaImage, Scene, SolveSettings, Stroke, View, rgb,
-};
+use crate::scene::{Camera, Extent, Image, MapSettings, Rgb, Scene, SolveSettings, Stroke, rgb};
 use crate::solve::StopReason;
 use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// Rows that weigh something are walked again where they are less than one in so many of all.
 const MANY: usize = 3;
-
-/// How large the pictures of a live job are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Preview {
-    /// As the scene has them.
-    Full,
-    /// At most so many pixels wide.
-    Width(usize),
-}
 
 /// How far a live job is.
 #[derive(Debug, Clone, PartialEq)]
@@ -467,6 +455,11 @@ impl LivePictures<'_> {
         picture
     }
 
+    /// How many views there are.
+    pub fn views(&self) -> usize {
+        self.still.backdrops.len()
+    }
+
     /// A view under the plain light.
     pub fn before(&self, view: usize) -> &Image {
         self.still.backdrops[view].before()
@@ -575,56 +568,4 @@ impl Warm {
             }
         })
     }
-}
-
-/// A view whose picture is no wider than the preview.
-fn seen_at(view: &View, preview: Preview) -> Result<View> {
-    let [width, height] = view.camera.size();
-    let to = match preview {
-        Preview::Width(to) if to < width => to.max(1),
-        _ => return Ok(view.clone()),
-    };
-    let scale = to as f32 / width as f32;
-    let size = [to, ((height as f32 * scale).round() as usize).max(1)];
-    Ok(View {
-        name: view.name.clone(),
-        camera: view.camera.moved(DAffine3::IDENTITY, size)?,
-        strokes: view.strokes.iter().cloned().map(|stroke| scaled(stroke, scale)).collect(),
-        layers: view.layers.iter().map(|layer| shrunk(layer, size)).collect(),
-        keep: view.keep,
-    })
-}
-
-fn scaled(stroke: Stroke, scale: f32) -> Stroke {
-    Stroke {
-        points: stroke.points.iter().map(|point| point.map(|x| x * scale)).collect(),
-        radius: stroke.radius * scale,
-        ..stroke
-    }
-}
-
-/// A painted layer of another size: each pixel the mean of those that it covers, colours weighted by their alpha.
-fn shrunk(layer: &RgbaImage, [width, height]: [usize; 2]) -> RgbaImage {
-    let [full_width, full_height] = layer.size();
-    let mut small = RgbaImage::transparent([width, height]);
-    for (index, pixel) in small.pixels.iter_mut().enumerate() {
-        let (x, y) = (index % width, index / width);
-        let span = |at: usize, of: usize, all: usize| {
-            let first = at * all / of;
-            first..((at + 1) * all / of).max(first + 1)
-        };
-        let (mut sum, mut count) = ([0.0f64; 4], 0.0);
-        for v in span(y, height, full_height) {
-            for u in span(x, width, full_width) {
-                let [r, g, b, a] = layer.pixels[v * full_width + u].map(f64::from);
-                sum = [sum[0] + r * a, sum[1] + g * a, sum[2] + b * a, sum[3] + a];
-                count += 1.0;
-            }
-        }
-        let [r, g, b, a] = sum;
-        if a > 0.0 {
-            *pixel = [r / a, g / a, b / a, a / count].map(|value| value as f32);
-        }
-    }
-    small
 }

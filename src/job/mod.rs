@@ -20,12 +20,14 @@ mod folder;
 mod held;
 mod light_map;
 mod live;
+mod live_volume;
 mod lock;
 mod matrix;
 mod memory;
 mod observer;
 mod placement;
 mod plan;
+mod preview;
 mod solution;
 mod steps;
 mod volume;
@@ -57,7 +59,8 @@ pub(crate) use exposure::readable;
 pub(crate) use folder::Folder;
 #[cfg(feature = "cli")]
 pub(crate) use folder::abandon;
-pub use live::{LiveJob, LivePictures, Preview, Standing};
+pub use live::{LiveJob, LivePictures, Standing};
+pub use live_volume::LiveVolume;
 pub use matrix::Exported;
 pub(crate) use memory::MemoryBudget;
 #[cfg(feature = "cli")]
@@ -65,6 +68,7 @@ pub(crate) use memory::mebibytes;
 pub use observer::{Iteration, Observer, Quiet, Step, Stop, Wish};
 use placement::Placement;
 pub use plan::Plan;
+pub use preview::Preview;
 pub use solution::{Solution, Written};
 pub(crate) use steps::Steps;
 use steps::Timings;
@@ -304,6 +308,13 @@ impl Job {
     /// pixels do not fit.
     pub fn live(self, preview: Preview) -> Result<LiveJob> {
         LiveJob::new(self, preview)
+    }
+
+    /// The same of a volume: see [`LiveVolume`].
+    ///
+    /// Errors: [`Error::Empty`] for a scene without a volume, or of one that changes from frame to frame; those of drawing it.
+    pub fn live_volume(self, preview: Preview) -> Result<LiveVolume> {
+        LiveVolume::new(self, preview)
     }
 
     /// Draws the views as they are, under the light of the scene or under a light map from a file, and writes them to a folder.

@@ -15,7 +15,7 @@ use super::{Job, Options, Scenes};
 use crate::io::scene_file::{Chosen, Resolved};
 use crate::problem::{LightMapProblem, VolumeState, render};
 use crate::report::{self, Certificate, Coverage, Report};
-use crate::scene::{Image, Scene, VolumeScene};
+use crate::scene::{Camera, Image, Scene, VolumeScene};
 use crate::{Error, Result, Warning, warning};
 
 /// What was looked for, as it was found.
@@ -145,6 +145,35 @@ impl Solution {
             Found::Animation(found) => {
                 found.first().and_then(|key| key.picture(view)).cloned().ok_or_else(unknown)
             }
+        }
+    }
+
+    /// The picture of a view of a volume that was found, by its number.
+    pub(crate) fn volume_picture(&self, view: usize) -> Option<&Image> {
+        match &self.found {
+            Found::Volume(_, found) => found.picture(view),
+            _ => None,
+        }
+    }
+
+    /// What was wanted of a view of a volume, pixel by pixel, and its weights.
+    pub(crate) fn wanted_of_volume(&self, view: usize) -> Option<&[[f32; 4]]> {
+        match &self.found {
+            Found::Volume(_, found) => found.wanted(view),
+            _ => None,
+        }
+    }
+
+    /// What a camera sees of a volume that was found, that is none of a view's.
+    ///
+    /// Errors: [`Error::Empty`] where no volume was looked for; those of drawing it.
+    pub(crate) fn volume_from(&self, camera: &Camera) -> Result<Image> {
+        match &self.found {
+            Found::Volume(scene, found) => found.picture_from(scene, camera),
+            _ => Err(Error::Empty {
+                reason: "no volume was looked for".to_owned(),
+                remedy: "solve a scene with a volume",
+            }),
         }
     }
 

@@ -8,6 +8,7 @@ use std::time::SystemTime;
 use serde::{Deserialize, Serialize};
 
 use super::drawing::{Change, Drawing, Look, owned};
+use super::setting::located;
 use crate::io::scene_file::{Extent, Stroke, edit};
 use crate::io::write_whole;
 use crate::scene::Rgb;
@@ -199,8 +200,8 @@ impl Document {
     /// The text of the scene as it is now, with the place of the light map; see [`Self::text_of`].
     ///
     /// Errors: those of [`edit`].
-    pub(super) fn text(&self, radiance: Rgb, extent: &Extent) -> Result<String> {
-        edit::with_light_map_at(&self.text_of(&self.now, radiance)?, extent)
+    pub(super) fn text(&self, radiance: Rgb, extent: Option<&Extent>) -> Result<String> {
+        located(self.text_of(&self.now, radiance)?, extent)
     }
 
     /// The text of the scene at some moment. `radiance` is that of the sun, which a sun from a model keeps when it is turned.
@@ -224,13 +225,13 @@ impl Document {
     /// views, light and air were the same.
     ///
     /// Errors: [`Error::File`].
-    pub(super) fn save(&mut self, radiance: Rgb, extent: &Extent) -> Result<Saved> {
+    pub(super) fn save(&mut self, radiance: Rgb, extent: Option<&Extent>) -> Result<Saved> {
         let now = match std::fs::read_to_string(&self.path) {
             Err(error) if self.is_new && error.kind() == ErrorKind::NotFound => self.text.clone(),
             read => read.map_err(failed("read", &self.path))?,
         };
         let is_changed = now != self.text;
-        let whole = |text: &str| edit::with_light_map_at(&edited(text, &self.now, radiance)?, extent);
+        let whole = |text: &str| located(edited(text, &self.now, radiance)?, extent);
         let have_painted = || {
             let theirs = (edit::strokes(&now).ok(), edit::groups(&now).ok());
             let ours = self.saved.views[..self.saved.own()].iter().map(owned).collect::<Vec<Vec<Stroke>>>();
@@ -416,7 +417,7 @@ mod tests {
         let (_folder, path) = scene(TEXT);
         let (mut document, ..) = open(&path);
         assert!(make(&mut document, paint(1, 2.0)));
-        assert!(matches!(document.save([1.0; 3], &EXTENT).unwrap(), Saved::Whole));
+        assert!(matches!(document.save([1.0; 3], Some(&EXTENT)).unwrap(), Saved::Whole));
         assert!(document.is_saved() && document.can_undo());
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(edit::strokes(&text).unwrap()[1].len(), 1);
@@ -432,7 +433,7 @@ mod tests {
         let (_folder, path) = scene(TEXT);
         let (mut document, ..) = open(&path);
         assert!(make(&mut document, paint(0, 1.0)) && make(&mut document, paint(0, 2.0)));
-        assert!(matches!(document.save([1.0; 3], &EXTENT).unwrap(), Saved::Whole));
+        assert!(matches!(document.save([1.0; 3], Some(&EXTENT)).unwrap(), Saved::Whole));
         for change in [Change::Undo, Change::Undo, Change::Redo, paint(1, 4.0)] {
             assert!(make(&mut document, change));
         }
@@ -452,7 +453,7 @@ mod tests {
         // It has changed something else: both are in the file.
         std::fs::write(&path, TEXT.replace("{}", "{ \"size\": 64 }")).unwrap();
         assert!(document.is_changed_elsewhere());
-        assert!(matches!(document.save([1.0; 3], &EXTENT).unwrap(), Saved::Merged));
+        assert!(matches!(document.save([1.0; 3], Some(&EXTENT)).unwrap(), Saved::Merged));
         let both = std::fs::read_to_string(&path).unwrap();
         assert!(both.contains("\"size\": 64") && edit::strokes(&both).unwrap()[0].len() == 1);
         // It has painted, too: ours are beside.
@@ -462,7 +463,7 @@ mod tests {
         );
         std::fs::write(&path, &theirs).unwrap();
         assert!(make(&mut document, paint(1, 5.0)));
-        let Saved::Beside(beside) = document.save([1.0; 3], &EXTENT).unwrap() else {
+        let Saved::Beside(beside) = document.save([1.0; 3], Some(&EXTENT)).unwrap() else {
             panic!("theirs are lost")
         };
         assert_eq!(std::fs::read_to_string(&path).unwrap(), theirs);
@@ -524,7 +525,7 @@ mod tests {
         assert!(make(&mut document, Change::Groups { groups: Vec::new() }));
         assert!(document.now.views[1][0].group.is_none() && make(&mut document, Change::Undo));
 
-        assert!(matches!(document.save([1.0; 3], &EXTENT).unwrap(), Saved::Whole));
+        assert!(matches!(document.save([1.0; 3], Some(&EXTENT)).unwrap(), Saved::Whole));
         let saved = std::fs::read_to_string(&path).unwrap();
         assert!(saved.contains("[0.3, -1, 0]") && saved.contains("\"sigma_t\": 0.25"), "{saved}");
         assert!(edit::strokes(&saved).unwrap()[1].len() == 1 && edit::groups(&saved).unwrap().len() == 1);
@@ -533,7 +534,7 @@ mod tests {
         while make(&mut document, Change::Undo) {}
         assert_eq!(document.now.views.len(), 2);
         assert!(document.now.views[1].is_empty());
-        document.save([1.0; 3], &EXTENT).unwrap();
+        document.save([1.0; 3], Some(&EXTENT)).unwrap();
         assert!(edit::strokes(&std::fs::read_to_string(&path).unwrap()).unwrap()[1].is_empty());
     }
 
@@ -543,7 +544,7 @@ mod tests {
         let path = folder.path().join("new.json");
         let (mut document, ..) = Document::open(&path, TEXT.to_owned(), true).unwrap();
         assert!(document.is_new() && !document.is_saved() && !document.is_changed_elsewhere());
-        assert!(matches!(document.save([1.0; 3], &EXTENT).unwrap(), Saved::Whole));
+        assert!(matches!(document.save([1.0; 3], Some(&EXTENT)).unwrap(), Saved::Whole));
         assert!(path.exists() && document.is_saved());
     }
 }

@@ -3,18 +3,17 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::pictures::relative;
 use super::setting::Setting;
 use crate::job::{Job, Observer, Options, Quiet, Scenes, Step, Stop};
 use crate::report::Report;
-use crate::scene::Image;
+use crate::scene::{Image, Rgb};
 use crate::{Error, Result};
 
 /// What the command finds: its pictures, and what there is to know about them.
 pub(super) struct Full {
     pub(super) views: Vec<Image>,
-    /// Relative to the light.
-    pub(super) light_map: Image,
+    /// Relative to the light; none of a volume.
+    pub(super) light_map: Option<Image>,
     pub(super) iterations: usize,
     pub(super) gradient: f64,
     pub(super) met: Option<f64>,
@@ -28,19 +27,24 @@ impl Full {
     ///
     /// Errors: [`Error::Interrupted`], and those of a solve.
     pub(super) fn of(job: Job, setting: &Setting, stop: Stop) -> Result<Self> {
-        let Scenes::LightMap(scene) = job.scenes().clone() else {
-            return Err(Error::Machine("the scene has no light map any more".to_owned()));
+        let (names, light): (Vec<String>, Option<Rgb>) = match job.scenes() {
+            Scenes::LightMap(scene) => {
+                (scene.views.iter().map(|view| view.name.clone()).collect(), Some(scene.light.radiance))
+            }
+            Scenes::Volume(scene) => (scene.views.iter().map(|view| view.view.name.clone()).collect(), None),
+            Scenes::Animation(_) => return Err(Error::Machine("the scene moves now".to_owned())),
         };
         let (engine, asked) = (setting.engine.clone(), stop.clone());
-        let found = job.with(Options { engine, stop, ..Options::default() }).solve(&mut Quiet)?;
+        let found =
+            job.with(Options { engine, stop, turntable: 0, ..Options::default() }).solve(&mut Quiet)?;
         if asked.is_asked() {
             return Err(Error::Interrupted);
         }
         let report = found.report();
         let last = report.history.last();
         Ok(Self {
-            views: scene.views.iter().map(|view| found.picture(&view.name)).collect::<Result<_>>()?,
-            light_map: relative(&found.light_map()?, scene.light.radiance),
+            views: names.iter().map(|name| found.picture(name)).collect::<Result<_>>()?,
+            light_map: light.map(|light| Ok::<_, Error>(relative(&found.light_map()?, light))).transpose()?,
             iterations: last.map_or(0, |last| last.iteration),
             gradient: last.map_or(0.0, |last| last.normal_residual.into_iter().fold(0.0, f64::max)),
             met: report.weighted_residual.met(),
@@ -48,6 +52,14 @@ impl Full {
             details: details(report),
         })
     }
+}
+
+/// A light map relative to the brightest channel of its light.
+pub(super) fn relative(map: &Image, light: Rgb) -> Image {
+    let most = light.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
+    let mut map = map.clone();
+    map.pixels.iter_mut().for_each(|texel| *texel = texel.map(|value| value / most));
+    map
 }
 
 /// The numbers of a report that somebody who paints may ask for.

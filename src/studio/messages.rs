@@ -142,6 +142,8 @@ pub(super) enum Told<'a> {
         palette: &'a [String],
         /// Whether there is no scene file yet.
         is_new: bool,
+        /// Whether a volume is painted on, and not light shafts.
+        is_volume: bool,
     },
     Strokes {
         views: Vec<Vec<&'a Stroke>>,
@@ -164,11 +166,11 @@ pub(super) enum Told<'a> {
         /// Numbers with their names, of the full resolution alone.
         details: &'a [[String; 2]],
     },
-    /// The light and the air.
+    /// The light and the air; nothing where they cannot be changed.
     Look {
-        sun: [f64; 3],
+        sun: Option<[f64; 3]>,
         /// The mean extinction in 1/metre, and how many metres the first view is deep.
-        sigma_t: f64,
+        sigma_t: Option<f64>,
         span: f64,
     },
     Reached {

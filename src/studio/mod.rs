@@ -7,6 +7,7 @@
 mod document;
 mod drawing;
 mod full;
+mod live;
 mod messages;
 mod model;
 mod page;

@@ -1,25 +1,91 @@
 //! Pictures as pages show them.
 
 use super::document::Document;
+use super::full::{Full, relative};
+use super::live::Live;
 use super::messages::{Kind, Stage};
+use crate::Result;
 use crate::io::image::rgba_bytes;
 use crate::io::scene_file::Paint;
-use crate::job::LivePictures;
-use crate::scene::{Image, Rgb};
+use crate::job::{LivePictures, LiveVolume};
+use crate::scene::Rgb;
 
 /// Brush colours beside those of a scene; pages have white and black.
 const PALETTE: [&str; 7] = ["#ffb347", "#ff7a2f", "#e0352b", "#c030f0", "#2f6bff", "#20b8d8", "#40c060"];
 
-/// A light map relative to the brightest channel of its light.
-pub(super) fn relative(map: &Image, light: Rgb) -> Image {
-    let most = light.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
-    let mut map = map.clone();
-    map.pixels.iter_mut().for_each(|texel| *texel = texel.map(|value| value / most));
-    map
+/// A picture on its way to pages.
+pub(super) struct Shown {
+    pub(super) kind: Kind,
+    /// None of the light map.
+    pub(super) view: Option<usize>,
+    pub(super) stage: Stage,
+    pub(super) size: [usize; 2],
+    pub(super) bytes: Vec<u8>,
+}
+
+/// Pictures of some kinds, and the share of the paint that is met. What the full resolution has takes the place of previews. `light` is the
+/// radiance of the sun, and pictures of views are brightened by `exposure`.
+///
+/// Errors: those of making previews.
+pub(super) fn previews(
+    live: &mut Live,
+    full: Option<&Full>,
+    kinds: &[Kind],
+    (light, exposure): (Rgb, f64),
+) -> Result<(Vec<Shown>, Option<f64>)> {
+    let mut shown = Vec::new();
+    if kinds.contains(&Kind::LightMap)
+        && let Live::LightMap(live) = &*live
+    {
+        let (stage, map) = match full.and_then(|full| full.light_map.as_ref()) {
+            Some(map) => (Stage::Full, map.clone()),
+            None => (Stage::Preview, relative(&live.light_map()?, light)),
+        };
+        let bytes = rgba_bytes(&map, 1.0);
+        shown.push(Shown { kind: Kind::LightMap, view: None, stage, size: map.size(), bytes });
+    }
+    let (pictures, volume) = match live {
+        Live::LightMap(live) => (Some(live.pictures()?), None),
+        Live::Volume(live) => (None, Some(&**live)),
+    };
+    let views = pictures.as_ref().map_or_else(|| volume.map_or(0, LiveVolume::views), LivePictures::views);
+    for &kind in kinds.iter().filter(|&&kind| kind != Kind::LightMap) {
+        for view in 0..views {
+            let (stage, size, bytes) = match (full, kind) {
+                (Some(full), Kind::After) => {
+                    let after = &full.views[view];
+                    (Stage::Full, after.size(), rgba_bytes(after, exposure))
+                }
+                _ => match (&pictures, volume) {
+                    (Some(pictures), _) => preview_of(pictures, kind, view, exposure),
+                    (None, Some(volume)) => preview_of_volume(volume, kind, view, exposure),
+                    (None, None) => continue,
+                },
+            };
+            shown.push(Shown { kind, view: Some(view), stage, size, bytes });
+        }
+    }
+    let met = pictures.map_or_else(|| volume.and_then(LiveVolume::met), |pictures| pictures.met());
+    Ok((shown, met))
+}
+
+/// The paint that asks for what is seen at a pixel of a preview.
+///
+/// Errors: those of making previews.
+pub(super) fn tint(live: &mut Live, view: usize, at: [usize; 2]) -> Result<Rgb> {
+    Ok(match live {
+        Live::LightMap(live) => live.pictures()?.tint(view, at),
+        // Of a light as bright as what is seen there.
+        Live::Volume(live) => {
+            let seen = live.after(view).at(at[0], at[1]);
+            let most = seen.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
+            seen.map(|value| value / most)
+        }
+    })
 }
 
 /// What a preview shows.
-pub(super) fn preview_of(
+fn preview_of(
     pictures: &LivePictures<'_>,
     kind: Kind,
     view: usize,
@@ -32,6 +98,24 @@ pub(super) fn preview_of(
         Kind::Difference => rgba_bytes(&pictures.difference(view), exposure),
         Kind::Coverage => mask(pictures.reached(view).into_iter().map(|is_lit| !is_lit)),
         Kind::Conflict => mask(pictures.contested(view).into_iter()),
+        Kind::Before | Kind::LightMap | Kind::Free => rgba_bytes(before, exposure),
+    };
+    (Stage::Preview, before.size(), bytes)
+}
+
+/// What a preview of a volume shows. Light reaches all of it, and paint is one wish beside others.
+fn preview_of_volume(
+    volume: &LiveVolume,
+    kind: Kind,
+    view: usize,
+    exposure: f64,
+) -> (Stage, [usize; 2], Vec<u8>) {
+    let before = volume.before(view);
+    let bytes = match kind {
+        Kind::After => rgba_bytes(volume.after(view), exposure),
+        Kind::Target => rgba_bytes(&volume.target(view), exposure),
+        Kind::Difference => rgba_bytes(&volume.difference(view), exposure),
+        Kind::Coverage | Kind::Conflict => mask(before.pixels.iter().map(|_| false)),
         Kind::Before | Kind::LightMap | Kind::Free => rgba_bytes(before, exposure),
     };
     (Stage::Preview, before.size(), bytes)

@@ -12,25 +12,34 @@ use tokio::sync::broadcast;
 use super::document::{Document, Saved};
 use super::drawing::{Change, Difference, Drawing};
 use super::full::{Full, export};
+use super::live::{Live, Rows, Subject};
 use super::messages::{
     Asked, CameraRecord, Kind, News, Phase, Sent, Stage, Told, ViewRecord, Wish, hex, picture,
 };
-use super::pictures::{palette, preview_of, relative};
-use super::setting::{Setting, WIDTHS, extent, patient_threads, record, scene_of};
+use super::pictures::{Shown, palette, previews, tint};
+use super::setting::{Setting, located, patient_threads};
 use crate::io::image::rgba_bytes;
-use crate::io::scene_file::{Group, View, edit};
-use crate::job::{Job, LiveJob, Stop, readable};
-use crate::scene::{Camera, FovAxis, Image, Rgb, Scene, look_at};
+use crate::io::scene_file::{Group, View};
+use crate::job::{Quiet, Solution, Stop, readable};
+use crate::scene::{Camera, FovAxis, Rgb, look_at};
 use crate::{Error, Result};
 
+/// All that pages may watch, in the order in which it is sent.
+const KINDS: [Kind; 7] = [
+    Kind::After,
+    Kind::Before,
+    Kind::Target,
+    Kind::Difference,
+    Kind::Coverage,
+    Kind::Conflict,
+    Kind::LightMap,
+];
 /// How long the pen rests before the full resolution follows.
 const REST: Duration = Duration::from_millis(250);
 /// How often to look whether somebody wants to stop, and whether another program has changed the scene.
 const LOOK: Duration = Duration::from_millis(500);
 /// Pictures of a preview follow each other at least so far apart, once the first is there.
 const APART: Duration = Duration::from_millis(120);
-/// Where the widths of a drag begin.
-const HASTY: usize = 2;
 /// Iterations between two pictures at most.
 const MOST: usize = 8;
 /// What the worker is told to do.
@@ -39,6 +48,8 @@ pub(super) enum Order {
     Joined(u64),
     Left(u64),
     Asked(u64, Asked),
+    /// A solve of a volume's previews has ended, for the strokes of that number.
+    Previewed(u64, Result<Box<Solution>>),
     /// A solve of the full pictures has ended, for the strokes of that number.
     Full(u64, Result<Full>),
     Exporting(String, Option<f64>),
@@ -87,36 +98,6 @@ pub(super) struct Worker {
     standing: Option<Standing>,
     /// What the first page is told.
     news: Vec<(News, String)>,
-}
-
-/// What is kept of a scene for previews.
-struct Rows {
-    scene: Scene,
-    live: LiveJob,
-    /// Of the previews, in pixels.
-    width: usize,
-    records: Vec<ViewRecord>,
-    /// How many metres the first view is deep.
-    span: f64,
-    /// Whether previews are coarse while light or air are dragged.
-    is_hasty: bool,
-}
-
-impl Rows {
-    /// Those of a drag are few.
-    fn of(setting: &Setting, job: &Job, is_hasty: bool) -> Result<Self> {
-        let scene = scene_of(job)?;
-        let widths = if is_hasty { &WIDTHS[HASTY..] } else { &WIDTHS };
-        let (live, width) = setting.warm(job, widths)?;
-        let records = scene.views.iter().map(|view| {
-            let (name, camera) = (view.name.clone(), &view.camera);
-            let camera_record = record(camera, live.depth(camera));
-            Ok(ViewRecord { preview: live.size(&name)?, size: camera.size(), name, camera: camera_record })
-        });
-        let records = records.collect::<Result<Vec<_>>>()?;
-        let span = scene.views.first().map_or(1.0, |view| live.depth(&view.camera)) * scene.metres_per_unit;
-        Ok(Self { scene, live, width, records, span, is_hasty })
-    }
 }
 
 /// What has changed since pictures were sent.
@@ -176,7 +157,7 @@ impl Worker {
     ) -> Result<Self> {
         let mut news = Vec::new();
         // What is wrong in a scene is told with its place, and before anything is written beside it.
-        let radiance = scene_of(&setting.job(&text)?)?.light.radiance;
+        let radiance = Subject::of(&setting.job(&text)?)?.radiance();
         let (document, brought_back, set_aside) = Document::open(&setting.path, text, is_new)?;
         if brought_back > 0 {
             let text = format!("{brought_back} changes that were not saved have been brought back");
@@ -190,9 +171,8 @@ impl Worker {
             news.push((News::Warning, text));
         }
         let rows = Rows::of(&setting, &setting.job(&document.text_of(document.now(), radiance)?)?, false)?;
-        if rows.width < WIDTHS[0] {
-            let text =
-                format!("previews are {} pixels wide, finer ones would exceed solve.memory", rows.width);
+        if let Some(width) = rows.coarser {
+            let text = format!("previews are {width} pixels wide, finer ones would exceed solve.memory");
             news.push((News::Warning, text));
         }
         let cores = std::thread::available_parallelism().map_or(1, Into::into);
@@ -301,6 +281,7 @@ impl Worker {
                 self.change(&change);
             }
             Order::Asked(page, Asked::Wish(wish)) => self.grant(page, wish),
+            Order::Previewed(changes, found) => self.take_preview(changes, found),
             Order::Full(changes, found) => self.take_full(changes, found),
             Order::Exporting(text, part) => self.tell(&Told::Exporting { text, part, is_running: true }),
             Order::Exported(written) => self.take_export(written),
@@ -353,20 +334,18 @@ impl Worker {
     }
 
     fn introduce(&self) {
-        let Rows { scene, records, span, .. } = &self.rows;
+        let Rows { subject, records, span, .. } = &self.rows;
         self.tell(&Told::Hello {
-            scene: &scene.name,
+            scene: subject.name(),
             path: self.setting.path.display().to_string(),
             version: env!("CARGO_PKG_VERSION"),
             views: records,
             exposure: self.readable,
             palette: &self.palette,
             is_new: self.document.is_new(),
+            is_volume: matches!(subject, Subject::Volume(_)),
         });
-        let (sun, per_metre) = (scene.light.direction.to_array(), scene.metres_per_unit);
-        let [r, g, b] = scene.medium.sigma_t.map(|sigma| sigma / per_metre);
-        // A mean of three that are the same may be another number.
-        let sigma_t = if r == g && g == b { r } else { (r + g + b) / 3.0 };
+        let (sun, sigma_t) = subject.look().unzip();
         self.tell(&Told::Look { sun, sigma_t, span: *span });
     }
 
@@ -437,14 +416,14 @@ impl Worker {
         let built = next.views[view].iter().map(|stroke| stroke.on(&next.groups, *size));
         let built =
             built.filter_map(std::result::Result::transpose).collect::<std::result::Result<_, _>>()?;
-        self.rows.live.repaint(name, built).map_err(|error| error.to_string())
+        self.rows.live.repaint(view, name, built).map_err(|error| error.to_string())
     }
 
     /// The rows of a scene with other views, or in another light: the light map lies where that light comes through then.
     fn rows_of(&self, next: &Drawing, is_hasty: bool) -> Result<Rows> {
         let text = self.document.text_of(next, self.radiance)?;
         let job = match next.look == self.document.now().look {
-            true => self.setting.job(&edit::with_light_map_at(&text, &extent(&self.rows.live))?)?,
+            true => self.setting.job(&located(text, self.rows.live.extent().as_ref())?)?,
             false => self.setting.fitted_job(&text)?,
         };
         Rows::of(&self.setting, &job, is_hasty)
@@ -463,7 +442,7 @@ impl Worker {
 
     /// Keeps the rows of fine previews, once a drag has ended.
     fn refine(&mut self) {
-        let text = self.document.text(self.radiance, &extent(&self.rows.live));
+        let text = self.document.text(self.radiance, self.rows.live.extent().as_ref());
         match text.and_then(|text| Rows::of(&self.setting, &self.setting.job(&text)?, false)) {
             Ok(rows) => self.rows = rows,
             // The coarse ones are good as well.
@@ -505,15 +484,33 @@ impl Worker {
 
     /// Goes on with the preview, and shows what has come of it.
     fn improve(&mut self, iterations: usize) {
-        if self.document.now().views.iter().all(|strokes| strokes.is_empty()) && self.is_bare() {
-            self.rows.live.begin_anew();
+        let is_bare = self.document.now().views.iter().all(|strokes| strokes.is_empty());
+        if is_bare && !self.rows.subject.has_wishes() {
+            match &mut self.rows.live {
+                Live::LightMap(live) => live.begin_anew(),
+                Live::Volume(live) => live.show(None),
+            }
             self.followed = self.changes;
             self.state = State::Still;
             self.show(Changes::Paint);
             self.progress(Phase::NothingPainted, 0, f64::NAN, None);
             return;
         }
-        let live = &mut self.rows.live;
+        let live = match &mut self.rows.live {
+            Live::LightMap(live) => live,
+            Live::Volume(live) => {
+                // From the start, and by another thread.
+                let stop = Stop::default();
+                self.solving = Some(stop.clone());
+                let (job, mine, changes) = (live.job(stop), self.mine.clone(), self.changes);
+                self.state = State::Still;
+                std::thread::spawn(move || {
+                    // Nobody waits for it where the studio was closed.
+                    _ = mine.send(Order::Previewed(changes, job.solve(&mut Quiet).map(Box::new)));
+                });
+                return;
+            }
+        };
         let advanced = match &self.few {
             Some(few) if self.is_pen_down => few.install(|| live.advance(iterations)),
             _ => live.advance(iterations),
@@ -528,7 +525,7 @@ impl Worker {
         };
         self.followed = self.changes;
         let is_done = standing.stop != crate::solve::StopReason::Iterations
-            || standing.iterations >= self.rows.scene.solve.iterations;
+            || standing.iterations >= self.rows.subject.iterations();
         self.state =
             if is_done { State::Rests(Instant::now()) } else { State::Improving((2 * iterations).min(MOST)) };
         let is_first = standing.iterations <= 1;
@@ -544,9 +541,27 @@ impl Worker {
         }
     }
 
-    /// Whether no view has layers that are paint.
-    fn is_bare(&self) -> bool {
-        self.rows.scene.views.iter().all(|view| view.layers.is_empty())
+    /// Shows what the solve of a volume's previews has found, unless it is of other strokes.
+    fn take_preview(&mut self, changes: u64, found: Result<Box<Solution>>) {
+        let Live::Volume(live) = &mut self.rows.live else { return };
+        if changes != self.changes {
+            return;
+        }
+        self.solving = None;
+        let found = match found {
+            Ok(found) => *found,
+            Err(Error::Interrupted) => return,
+            Err(error) => return self.notice(News::Error, error.to_string()),
+        };
+        let last = found.report().history.last();
+        let iteration = last.map_or(0, |last| last.iteration);
+        let gradient = last.map_or(1.0, |last| last.normal_residual.into_iter().fold(0.0, f64::max));
+        live.show(Some(found));
+        self.followed = self.changes;
+        self.state = State::Rests(Instant::now());
+        self.is_moved = false;
+        let met = self.show(Changes::All);
+        self.progress(Phase::Preview, iteration, gradient, met);
     }
 
     fn progress(&mut self, phase: Phase, iteration: usize, gradient: f64, met: Option<f64>) {
@@ -581,66 +596,25 @@ impl Worker {
     }
 
     fn shown(&mut self, changes: Changes) -> Result<Option<f64>> {
-        let kinds: Vec<Kind> = [
-            Kind::After,
-            Kind::Before,
-            Kind::Target,
-            Kind::Difference,
-            Kind::Coverage,
-            Kind::Conflict,
-            Kind::LightMap,
-        ]
-        .into_iter()
-        .filter(|&kind| self.watches(kind) && changes.reach(kind))
-        .collect();
-        let (exposure, views) = (self.exposure, self.rows.records.len());
-        let mut all = Vec::new();
-        let light_map =
-            if kinds.contains(&Kind::LightMap) { Some(self.preview_of_light_map()?) } else { None };
-        let full = self.full.take();
-        let pictures = self.rows.live.pictures()?;
-        let met = pictures.met();
-        for &kind in &kinds {
-            if kind == Kind::LightMap {
-                let (stage, map) = match (&full, &light_map) {
-                    (Some(full), _) => (Stage::Full, &full.light_map),
-                    (None, Some(map)) => (Stage::Preview, map),
-                    _ => continue,
-                };
-                all.push((kind, None, stage, map.size(), rgba_bytes(map, 1.0)));
-                continue;
-            }
-            for view in 0..views {
-                let (stage, size, bytes) = match (&full, kind) {
-                    (Some(full), Kind::After) => {
-                        let shown = &full.views[view];
-                        (Stage::Full, shown.size(), rgba_bytes(shown, exposure))
-                    }
-                    _ => preview_of(&pictures, kind, view, exposure),
-                };
-                all.push((kind, Some(view), stage, size, bytes));
-            }
-        }
-        drop(pictures);
-        self.full = full;
-        for (kind, view, stage, size, bytes) in all {
+        let kinds: Vec<Kind> =
+            KINDS.into_iter().filter(|&kind| self.watches(kind) && changes.reach(kind)).collect();
+        let light = self.rows.subject.radiance();
+        let (shown, met) = previews(&mut self.rows.live, self.full.as_ref(), &kinds, (light, self.exposure))?;
+        for Shown { kind, view, stage, size, bytes } in shown {
             self.serial += 1;
             _ = self.pages.send(picture((kind, view), (stage, self.serial, self.followed), size, &bytes));
         }
         Ok(met)
     }
 
-    fn preview_of_light_map(&self) -> Result<Image> {
-        Ok(relative(&self.rows.live.light_map()?, self.rows.scene.light.radiance))
-    }
-
     /// How much pictures are brightened at first: as files are.
     fn readable(&mut self) -> Result<f64> {
-        if let Some(stops) = self.rows.scene.exposure {
+        if let Some(stops) = self.rows.subject.exposure() {
             return Ok(stops.exp2());
         }
         let views = self.rows.records.len();
-        let pictures = self.rows.live.pictures()?;
+        let Live::LightMap(live) = &mut self.rows.live else { return Ok(1.0) };
+        let pictures = live.pictures()?;
         Ok(readable((0..views).map(|view| pictures.before(view))).exp2())
     }
 
@@ -650,19 +624,15 @@ impl Worker {
             let along = [x, y][axis] * preview[axis] as f64 / size[axis] as f64;
             (along.max(0.0) as usize).min(preview[axis] - 1)
         });
-        match self.rows.live.pictures() {
-            Ok(pictures) => {
-                let color = hex(pictures.tint(view, at));
-                drop(pictures);
-                self.tell(&Told::Reached { view, x, y, color });
-            }
+        match tint(&mut self.rows.live, view, at) {
+            Ok(color) => self.tell(&Told::Reached { view, x, y, color: hex(color) }),
             Err(error) => self.notice(News::Error, error.to_string()),
         }
     }
 
     fn save(&mut self) {
         let was_new = self.document.is_new();
-        match self.document.save(self.radiance, &extent(&self.rows.live)) {
+        match self.document.save(self.radiance, self.rows.live.extent().as_ref()) {
             Ok(Saved::Whole) => {
                 self.notice(News::Done, format!("saved in {}", self.setting.path.display()));
             }
@@ -697,7 +667,7 @@ impl Worker {
     /// The strokes are solved for as the command does it: from x₀, at the full resolution.
     fn begin_full(&mut self) {
         self.state = State::Still;
-        let text = match self.document.text(self.radiance, &extent(&self.rows.live)) {
+        let text = match self.document.text(self.radiance, self.rows.live.extent().as_ref()) {
             Ok(text) => text,
             Err(error) => return self.notice(News::Error, error.to_string()),
         };
@@ -736,6 +706,9 @@ impl Worker {
 
     /// Puts the light map where painted light comes through now: where the command would put it, were nothing said.
     fn fit(&mut self) {
+        if matches!(self.rows.live, Live::Volume(_)) {
+            return;
+        }
         let fitted = self.document.text_of(self.document.now(), self.radiance);
         let fitted = fitted.and_then(|text| Rows::of(&self.setting, &self.setting.fitted_job(&text)?, false));
         match fitted {
@@ -754,7 +727,7 @@ impl Worker {
         if self.exporting.is_some() {
             return;
         }
-        let text = match self.document.text(self.radiance, &extent(&self.rows.live)) {
+        let text = match self.document.text(self.radiance, self.rows.live.extent().as_ref()) {
             Ok(text) => text,
             Err(error) => return self.notice(News::Error, error.to_string()),
         };

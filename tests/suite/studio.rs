@@ -378,6 +378,75 @@ fn light_air_views_and_groups_are_saved_as_they_were_shown() {
     assert_eq!(page.strokes(0).len(), 7);
 }
 
+#[test]
+fn a_volume_is_painted_on_and_looked_at_from_between() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = |origin: [f64; 3]| json!({ "to_world": { "look_at": { "origin": origin, "target": [0, 0, 0] } }, "fov": 50, "size": [320, 240] });
+    let scene = json!({
+        "version": 1,
+        "volume": { "size": 24, "to_world": { "translate": [-0.5, -0.5, -0.5] }, "extinction": { "made": { "shapes": [{ "sphere": { "center": [0, 0, 0], "radius": 0.7 } }], "inside": 4, "edge": 0.2 } }, "albedo": { "value": 0.8 } },
+        "find": "albedo",
+        "environment": { "radiance": 0.8 },
+        "background": 0,
+        "views": [{ "name": "front", "camera": camera([0.0, 0.0, 3.0]) }, { "name": "side", "camera": camera([3.0, 0.0, 0.0]) }]
+    });
+    std::fs::write(folder.path().join("ball.json"), scene.to_string()).unwrap();
+    let opened = open_at(folder, "ball.json");
+    let mut page = opened.page();
+    page.until("the plain volume", |page| {
+        page.picture("after", 1).is_some() && page.last("progress").is_some()
+    });
+    let hello = page.last("hello").unwrap().clone();
+    assert_eq!((&hello["is_volume"], &hello["views"][0]["preview"]), (&json!(true), &json!([160, 120])));
+    assert_eq!(page.last("progress").unwrap()["phase"], "nothing painted");
+    assert!(page.last("look").unwrap()["sun"].is_null());
+    page.say(json!({ "type": "watch", "pictures": ["after", "before", "target", "difference"] }));
+    page.until("all pictures", |page| {
+        ["before", "target", "difference"].iter().all(|kind| page.picture(kind, 1).is_some())
+    });
+    let before = page.picture("before", 0).unwrap().pixels.clone();
+    let stroke = json!({ "points": [[140, 120], [180, 120]], "radius": 25, "color": "#ff3010" });
+    page.say(json!({ "type": "paint", "view": 0, "stroke": stroke }));
+    page.until("the stroke", |page| page.strokes(0).len() == 1);
+    page.pictures.clear();
+    page.until("the preview", |page| {
+        page.picture("after", 0).is_some_and(|shown| shown.about["stage"] == "preview")
+    });
+    let middle = |pixels: &[u8], [width, height]: [usize; 2]| -> [u8; 3] {
+        let at = 4 * (height / 2 * width + width / 2);
+        [pixels[at], pixels[at + 1], pixels[at + 2]]
+    };
+    let (painted, plain) =
+        (middle(&page.picture("after", 0).unwrap().pixels, [160, 120]), middle(&before, [160, 120]));
+    assert!(painted[1] < plain[1] && painted[2] < plain[2], "{painted:?} after {plain:?}");
+    page.until("the full resolution", Page::is_done);
+    let full = page
+        .pictures
+        .iter()
+        .rfind(|shown| shown.about["kind"] == "after" && shown.about["view"] == 0)
+        .unwrap();
+    assert_eq!((&full.about["stage"], &full.about["size"]), (&json!("full"), &json!([320, 240])));
+    let full = full.pixels.clone();
+    assert!(page.last("progress").unwrap()["met"].as_f64().unwrap() > 0.3);
+
+    // From between both views.
+    let mut eye = hello["views"][0]["camera"].clone();
+    eye["origin"] = json!([2.1, 0.0, 2.1]);
+    page.say(json!({ "type": "look_from", "view": 0, "camera": eye }));
+    page.until("what it sees", |page| page.pictures.iter().any(|shown| shown.about["kind"] == "free"));
+    page.say(json!({ "type": "save" }));
+    page.until("the save", |page| page.last("strokes").unwrap()["is_saved"] == true);
+    let scene = opened.scene().with_file_name("ball.json");
+    assert!(!std::fs::read_to_string(&scene).unwrap().contains("light_map"));
+    let found = Job::open(scene).unwrap().solve(&mut Quiet).unwrap();
+    assert_eq!(full, screen(&found.picture("front").unwrap(), 1.0), "the command finds something else");
+    page.say(json!({ "type": "undo" }));
+    page.until("nothing painted", |page| {
+        page.last("progress").is_some_and(|told| told["phase"] == "nothing painted")
+    });
+    assert_eq!(page.picture("after", 0).unwrap().pixels, before);
+}
+
 /// A floor and two slabs above it.
 const MODEL: &str = "v -6 0 -6\nv 6 0 -6\nv 6 0 6\nv -6 0 6\nf 1 2 3 4\n\
     v -6 4 -6\nv -1 4 -6\nv -1 4 6\nv -6 4 6\nf 5 6 7 8\nv 1 4 -6\nv 6 4 -6\nv 6 4 6\nv 1 4 6\nf 9 10 11 12\n";

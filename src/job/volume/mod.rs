@@ -16,7 +16,7 @@ use super::{Options, memory, warnings};
 use crate::Result;
 use crate::problem::{Canvas, Desired, Optics, VolumeProblem, VolumeRenderer, VolumeState};
 use crate::report::{self, Report};
-use crate::scene::{Find, Image, VolumeScene};
+use crate::scene::{Camera, Find, Image, VolumeScene};
 use crate::visibility::Geometry;
 pub(super) use pictures::nothing_asked;
 use pictures::turntable;
@@ -65,6 +65,18 @@ impl FoundVolume {
     /// The picture of a view, by its number.
     pub(super) fn picture(&self, view: usize) -> Option<&Image> {
         self.outcome.attained.after.get(view)
+    }
+
+    /// What is wanted of a view, pixel by pixel, and its weights.
+    pub(super) fn wanted(&self, view: usize) -> Option<&[[f32; 4]]> {
+        self.outcome.attained.desired.get(view).map(|desired| &desired.pixels[..])
+    }
+
+    /// What a camera sees that is none of a view's.
+    pub(super) fn picture_from(&self, scene: &VolumeScene, camera: &Camera) -> Result<Image> {
+        let Attained { state, optics, .. } = &self.outcome.attained;
+        let model = VolumeProblem::model(scene, self.outcome.last.problem.find);
+        VolumeRenderer::new(scene, &state.medium, optics, model).picture_from(camera, &Canvas::Processor)
     }
 
     pub(super) fn report(&self, scene: &VolumeScene, timings: &Timings) -> Result<Report> {

@@ -109,7 +109,13 @@ export function peek(isOn) {
   tell('seeing');
 }
 
+// What only light shafts have.
+const OF_SHAFTS = ['showsReach', 'showsConflicts', 'showsLightMap'];
+
+export const isOffered = (name) => !state.scene?.is_volume || !OF_SHAFTS.includes(name);
+
 export function toggle(name) {
+  if (!isOffered(name)) return;
   state[name] = !state[name];
   tell('seeing');
 }

@@ -2,7 +2,7 @@
 
 import { state, listen, tell, remember } from './state.js';
 import {
-  adjust, chooseTool, commands, commit, largestRadius, paintInHand, see, selectedStroke, setStops, theme, toggle,
+  adjust, chooseTool, commands, commit, isOffered, largestRadius, paintInHand, see, selectedStroke, setStops, theme, toggle,
 } from './actions.js';
 import { byId, showFill } from './dom.js';
 import { switchFree } from './free.js';
@@ -106,7 +106,10 @@ function showSeeing() {
     const kind = state.peeks ? 'before' : state.seen;
     button.setAttribute('aria-pressed', button.dataset.seen === kind);
   }
-  for (const button of all('.rail [data-toggle]')) button.setAttribute('aria-pressed', state[button.dataset.toggle]);
+  for (const button of all('.rail [data-toggle]')) {
+    button.setAttribute('aria-pressed', state[button.dataset.toggle]);
+    button.hidden = !isOffered(button.dataset.toggle);
+  }
   byId('light-map').hidden = !state.showsLightMap;
 }
 
@@ -132,6 +135,9 @@ function showHint() {
   const isEmpty = state.scene && state.strokes.every((strokes) => strokes.length === 0) && state.pending.length === 0;
   byId('hint').hidden = !isEmpty || state.live !== null || state.free !== null;
   const file = state.scene?.path?.split(/[/\\]/).at(-1);
+  byId('hint-what').textContent = state.scene?.is_volume
+    ? 'Choose a colour and paint on the volume. It follows when you lift the pen.'
+    : 'Choose a colour and paint on a light shaft. White asks for the light as it is.';
   byId('hint-save').textContent = state.scene?.is_new ? ` Save makes the scene file ${file}.` : '';
 }
 
@@ -179,7 +185,7 @@ export function watchTools() {
   listen('brush selection scene', showSliders);
   listen('tool', showTool);
   listen('selection', showPanelTitle);
-  listen('seeing', showSeeing);
+  listen('seeing scene', showSeeing);
   listen('seeing scene socket view', showFree);
   listen('pen', showPen);
   listen('exposure', showExposure);
