@@ -15,7 +15,7 @@ const FOV: f64 = 40.0;
 /// Pictures of views.
 const SIZE: [usize; 2] = [1280, 720];
 /// Optical depth of the fog across the model.
-const DEPTH: f64 = 0.8;
+const DEPTH: f64 = 0.3;
 /// Views are no more than so many cameras.
 const MOST_CAMERAS: usize = 8;
 /// Triangles of a model at most.

@@ -23,17 +23,17 @@ pub(super) struct Shown {
     pub(super) bytes: Vec<u8>,
 }
 
-/// Pictures of some kinds, and the share of the paint that is met. What the full resolution has takes the place of previews. `light` is the
-/// radiance of the sun, and pictures of views are brightened by `exposure`.
+/// Hands out pictures of some kinds, those of the `first` view first; gives back the share of the paint that is met. What the full resolution
+/// has takes the place of previews. `light` is the radiance of the sun, and pictures of views are brightened by `exposure`.
 ///
 /// Errors: those of making previews.
 pub(super) fn previews(
     live: &mut Live,
     full: Option<&Full>,
-    kinds: &[Kind],
+    (kinds, first): (&[Kind], usize),
     (light, exposure): (Rgb, f64),
-) -> Result<(Vec<Shown>, Option<f64>)> {
-    let mut shown = Vec::new();
+    hand_out: &mut dyn FnMut(Shown),
+) -> Result<Option<f64>> {
     if kinds.contains(&Kind::LightMap)
         && let Live::LightMap(live) = &*live
     {
@@ -42,15 +42,16 @@ pub(super) fn previews(
             None => (Stage::Preview, relative(&live.light_map()?, light)),
         };
         let bytes = rgba_bytes(&map, 1.0);
-        shown.push(Shown { kind: Kind::LightMap, view: None, stage, size: map.size(), bytes });
+        hand_out(Shown { kind: Kind::LightMap, view: None, stage, size: map.size(), bytes });
     }
     let (pictures, volume) = match live {
         Live::LightMap(live) => (Some(live.pictures()?), None),
         Live::Volume(live) => (None, Some(&**live)),
     };
     let views = pictures.as_ref().map_or_else(|| volume.map_or(0, LiveVolume::views), LivePictures::views);
-    for &kind in kinds.iter().filter(|&&kind| kind != Kind::LightMap) {
-        for view in 0..views {
+    let first = first.min(views.saturating_sub(1));
+    for view in (first..views).chain(0..first) {
+        for &kind in kinds.iter().filter(|&&kind| kind != Kind::LightMap) {
             let (stage, size, bytes) = match (full, kind) {
                 (Some(full), Kind::After) => {
                     let after = &full.views[view];
@@ -62,11 +63,10 @@ pub(super) fn previews(
                     (None, None) => continue,
                 },
             };
-            shown.push(Shown { kind, view: Some(view), stage, size, bytes });
+            hand_out(Shown { kind, view: Some(view), stage, size, bytes });
         }
     }
-    let met = pictures.map_or_else(|| volume.and_then(LiveVolume::met), |pictures| pictures.met());
-    Ok((shown, met))
+    Ok(pictures.map_or_else(|| volume.and_then(LiveVolume::met), |pictures| pictures.met()))
 }
 
 /// The paint that asks for what is seen at a pixel of a preview.

@@ -76,6 +76,8 @@ pub(super) struct Worker {
     /// What all pictures are brightened by.
     exposure: f64,
     is_pen_down: bool,
+    /// The view that was painted on last, which is shown first.
+    painted: usize,
     /// The view whose size the pictures of a free camera have.
     looks_from: usize,
     state: State,
@@ -193,6 +195,7 @@ impl Worker {
             watched: HashMap::new(),
             exposure: 1.0,
             is_pen_down: false,
+            painted: 0,
             looks_from: 0,
             state: State::Improving(1),
             serial: 0,
@@ -399,6 +402,9 @@ impl Worker {
             self.tell_strokes();
             return;
         }
+        if let Difference::Paint(views) = &difference {
+            self.painted = views.first().copied().unwrap_or(self.painted);
+        }
         if let Err(error) = self.document.make(change, next) {
             self.notice(News::Error, format!("the journal cannot be written, so save often: {error}"));
         }
@@ -599,12 +605,13 @@ impl Worker {
         let kinds: Vec<Kind> =
             KINDS.into_iter().filter(|&kind| self.watches(kind) && changes.reach(kind)).collect();
         let light = self.rows.subject.radiance();
-        let (shown, met) = previews(&mut self.rows.live, self.full.as_ref(), &kinds, (light, self.exposure))?;
-        for Shown { kind, view, stage, size, bytes } in shown {
-            self.serial += 1;
-            _ = self.pages.send(picture((kind, view), (stage, self.serial, self.followed), size, &bytes));
-        }
-        Ok(met)
+        let (serial, pages, followed) = (&mut self.serial, &self.pages, self.followed);
+        let mut send = |Shown { kind, view, stage, size, bytes }: Shown| {
+            *serial += 1;
+            _ = pages.send(picture((kind, view), (stage, *serial, followed), size, &bytes));
+        };
+        let live = &mut self.rows.live;
+        previews(live, self.full.as_ref(), (&kinds, self.painted), (light, self.exposure), &mut send)
     }
 
     /// How much pictures are brightened at first: as files are.

@@ -9,6 +9,7 @@ import argparse
 import atexit
 import base64
 import json
+import math
 import os
 import pathlib
 import random
@@ -87,6 +88,28 @@ def paint(page, points, view=0):
     before = count(page, view)
     drag(page, points)
     until(page, "([view, before]) => window.studio.state.strokes[view].length === before + 1", [view, before])
+
+
+def frames(page):
+    """How many a second are drawn while the pen is down."""
+    count = page.evaluate("window.studio.state.strokes[0].length")
+    page.evaluate("""() => {
+        window.drawn = 0;
+        const draw = () => { window.drawn += 1; requestAnimationFrame(draw); };
+        requestAnimationFrame(draw);
+    }""")
+    place = page.evaluate("window.studio.toScreen(200, 150)")
+    page.mouse.move(place["x"], place["y"])
+    page.mouse.down()
+    clock, before = time.time(), page.evaluate("window.drawn")
+    for step in range(90):
+        page.mouse.move(place["x"] + 3 * step, place["y"] + 30 * math.sin(step / 8))
+        page.wait_for_timeout(8)
+    rate = (page.evaluate("window.drawn") - before) / (time.time() - clock)
+    page.mouse.up()
+    until(page, "count => window.studio.state.strokes[0].length === count + 1", count)
+    until_done(page)
+    return rate
 
 
 def press(page, points, pressures):
@@ -219,6 +242,8 @@ def main():
         until_done(page)
         print(f"full resolution after {time.time() - clock:.1f} s")
 
+        print(f"while a stroke is painted: {frames(page):.0f} frames a second")
+
         # A pen that is pressed more and more.
         began = count(page)
         press(page, [(260, 200), (300, 210), (340, 230)], [0.2, 0.6, 1])
@@ -265,8 +290,10 @@ def main():
         until(page, "() => window.studio.state.view === 0")
 
         # Whatever somebody does.
-        before, deeds, clock = studio.resident(), 0, time.time()
+        before, middle, deeds, clock = studio.resident(), None, 0, time.time()
         while time.time() - clock < asked.seconds:
+            if middle is None and time.time() - clock > asked.seconds / 2:
+                middle = studio.resident()
             deed = random.random()
             if deed < 0.5:
                 x, y = random.uniform(20, 620), random.uniform(20, 340)
@@ -283,7 +310,7 @@ def main():
             deeds += 1
             page.wait_for_timeout(50)
         page.wait_for_timeout(500)
-        print(f"{deeds} deeds in {asked.seconds:.0f} s: the studio has {studio.resident():.0f} MiB, {before:.0f} before")
+        print(f"{deeds} deeds in {asked.seconds:.0f} s: the studio has {studio.resident():.0f} MiB, {middle:.0f} half-way, {before:.0f} before")
         shot("after")
         assert not faults, faults
         assert studio.end() in (0, 130)
