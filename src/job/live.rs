@@ -11,8 +11,8 @@ use super::{Job, Options};
 use crate::gpu::GpuOperator;
 use crate::operator::{CpuVector, FromHost, NOWHERE, OnHost, TransportOperator};
 use crate::problem::{
-    Backdrop, Begin, Canvas, LightMapProblem, Painting, Paused, Problem, Renderer, Solved, Traced, fit,
-    minimize, paint, pixels, render,
+    Backdrop, Begin, Canvas, Constraint, LightMapProblem, Painting, Paused, Problem, Renderer, Solved,
+    Traced, fit, minimize, paint, pixels, render,
 };
 use crate::scene::{Camera, Extent, Image, MapSettings, Rgb, Scene, SolveSettings, Stroke, rgb};
 use crate::solve::StopReason;
@@ -239,6 +239,11 @@ impl LiveJob {
         Ok(())
     }
 
+    /// Whether any pixel of any view is painted.
+    pub fn is_painted(&self) -> bool {
+        self.problem.constraints.iter().any(Constraint::is_painted)
+    }
+
     /// Goes back to x₀, as if nothing had been solved yet.
     pub fn begin_anew(&mut self) {
         self.x = self.problem.starts();
@@ -250,7 +255,7 @@ impl LiveJob {
     ///
     /// Errors: [`Error::Empty`] where nothing is painted; those of the method.
     pub fn advance(&mut self, iterations: usize) -> Result<Standing> {
-        if self.problem.constraints.iter().all(|pixel| !pixel.is_painted()) {
+        if !self.is_painted() {
             return Err(Error::Empty {
                 reason: "nothing is painted".to_owned(),
                 remedy: "paint a stroke on a view",
@@ -347,13 +352,6 @@ impl LiveJob {
     pub fn picture_from(&self, camera: &Camera) -> Result<Image> {
         let renderer = Renderer::new(&self.scene, &self.problem.maps, Some(&self.x))?;
         Ok(renderer.picture_from(camera, "what the camera sees", &Canvas::Processor)?.after)
-    }
-
-    /// The camera of a view's preview.
-    ///
-    /// Errors: [`Error::Value`] for a view that there is not.
-    pub fn camera(&self, view: &str) -> Result<&Camera> {
-        Ok(&self.scene.views[self.view(view)?].camera)
     }
 
     /// How far what a camera sees is away, in units of the scene: the median over its picture. Where it sees no surface, how far it is to the

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::preview::{Preview, scaled, volume_seen_at};
 use super::{Job, Options, Scenes, Solution, Stop};
 use crate::problem::{Canvas, Model, Optics, VolumeProblem, VolumeRenderer, VolumeState, paint};
-use crate::scene::{Camera, Image, Stroke, VolumeScene};
+use crate::scene::{Camera, Image, Stroke, VolumeScene, VolumeView};
 use crate::visibility::Geometry;
 use crate::{Error, Result};
 
@@ -81,6 +81,11 @@ impl LiveVolume {
         paint(&painted)?;
         Arc::make_mut(&mut self.scene).views[view].view = painted;
         Ok(())
+    }
+
+    /// Whether anything is wanted of any view.
+    pub fn is_wanted(&self) -> bool {
+        self.scene.views.iter().any(VolumeView::is_wanted)
     }
 
     /// The job whose solution is that of the previews, for whichever thread runs it.

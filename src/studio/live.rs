@@ -96,16 +96,6 @@ impl Subject {
         Some((scene.light.direction.to_array(), sigma_t))
     }
 
-    /// Whether something is wanted without a stroke: painted layers, or pictures.
-    pub(super) fn has_wishes(&self) -> bool {
-        match self {
-            Self::LightMap(scene) => scene.views.iter().any(|view| !view.layers.is_empty()),
-            Self::Volume(scene) => {
-                scene.views.iter().any(|view| view.picture.is_some() || !view.view.layers.is_empty())
-            }
-        }
-    }
-
     fn cameras(&self) -> Vec<(String, Camera)> {
         match self {
             Self::LightMap(scene) => {
@@ -203,6 +193,14 @@ impl Live {
         match self {
             Self::LightMap(live) => live.picture_from(camera),
             Self::Volume(live) => live.picture_from(camera),
+        }
+    }
+
+    /// Whether anything is wanted: visible paint that is not erased, or a picture.
+    pub(super) fn is_wanted(&self) -> bool {
+        match self {
+            Self::LightMap(live) => live.is_painted(),
+            Self::Volume(live) => live.is_wanted(),
         }
     }
 

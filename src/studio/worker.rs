@@ -490,17 +490,8 @@ impl Worker {
 
     /// Goes on with the preview, and shows what has come of it.
     fn improve(&mut self, iterations: usize) {
-        let is_bare = self.document.now().views.iter().all(|strokes| strokes.is_empty());
-        if is_bare && !self.rows.subject.has_wishes() {
-            match &mut self.rows.live {
-                Live::LightMap(live) => live.begin_anew(),
-                Live::Volume(live) => live.show(None),
-            }
-            self.followed = self.changes;
-            self.state = State::Still;
-            self.show(Changes::Paint);
-            self.progress(Phase::NothingPainted, 0, f64::NAN, None);
-            return;
+        if !self.rows.live.is_wanted() {
+            return self.show_plain();
         }
         let live = match &mut self.rows.live {
             Live::LightMap(live) => live,
@@ -545,6 +536,18 @@ impl Worker {
             let gradient = standing.gradient.iter().copied().fold(0.0, f64::max);
             self.progress(Phase::Preview, standing.iterations, gradient, met);
         }
+    }
+
+    /// Nothing is wanted: all is as it is without paint.
+    fn show_plain(&mut self) {
+        match &mut self.rows.live {
+            Live::LightMap(live) => live.begin_anew(),
+            Live::Volume(live) => live.show(None),
+        }
+        self.followed = self.changes;
+        self.state = State::Still;
+        self.show(Changes::Paint);
+        self.progress(Phase::NothingPainted, 0, f64::NAN, None);
     }
 
     /// Shows what the solve of a volume's previews has found, unless it is of other strokes.

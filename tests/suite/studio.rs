@@ -464,6 +464,17 @@ fn a_model_is_a_scene_once_it_is_saved() {
     assert!(page.last("strokes").unwrap()["is_saved"] == false && !scene.exists());
     page.say(json!({ "type": "fog", "sigma_t": 0.1, "goes_on": false }));
     page.until("the fog", |page| page.last("look").is_some_and(|look| look["sigma_t"] == 0.1));
+    // What is hidden is as if it were not there.
+    page.say(json!({ "type": "groups", "groups": [{ "name": "tries", "hidden": true, "weight": 1 }] }));
+    let hidden = json!({ "points": [[640, 300]], "radius": 60, "color": "#ff8020", "group": "tries" });
+    page.say(json!({ "type": "paint", "view": 0, "stroke": hidden }));
+    page.until("the hidden stroke", |page| page.strokes(0).len() == 1);
+    page.told.retain(|told| told["type"] != "progress");
+    page.until("nothing to do", |page| page.last("progress").is_some());
+    assert_eq!(page.last("progress").unwrap()["phase"], "nothing painted");
+    assert!(page.last("notice").is_none(), "{:?}", page.last("notice"));
+    page.say(json!({ "type": "undo" }));
+    page.until("the undo", |page| page.strokes(0).is_empty());
     let stroke = json!({ "points": [[640, 300], [640, 420]], "radius": 60, "color": "#ff8020" });
     page.say(json!({ "type": "paint", "view": 0, "stroke": stroke }));
     page.until("the stroke", |page| page.strokes(0).len() == 1);
