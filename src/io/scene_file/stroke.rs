@@ -180,7 +180,7 @@ impl Stroke {
             let (got, points) = (self.pressure.len(), self.points.len());
             return Err(Flaw::value(
                 "pressure",
-                format!("{got} numbers"),
+                format!("a list of length {got}"),
                 &format!("one for each of the {points} points"),
             ));
         }
