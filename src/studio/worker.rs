@@ -19,7 +19,7 @@ use super::messages::{
 use super::pictures::{Shown, palette, previews, tint};
 use super::setting::{Setting, located, patient_threads};
 use crate::io::image::rgba_bytes;
-use crate::io::scene_file::{Group, View};
+use crate::io::scene_file::{Group, View, edit};
 use crate::job::{Quiet, Solution, Stop, readable};
 use crate::scene::{Camera, FovAxis, Rgb, look_at};
 use crate::{Error, Result};
@@ -385,6 +385,7 @@ impl Worker {
             return;
         };
         let difference = next.difference(self.document.now());
+        let was_wanted = self.rows.live.is_wanted();
         let followed = Group::check(&next.groups).and_then(|()| match &difference {
             Difference::Paint(views) => views.iter().try_for_each(|&view| self.repaint(view, &next)),
             Difference::Rows => self
@@ -408,12 +409,31 @@ impl Worker {
         if let Err(error) = self.document.make(change, next) {
             self.notice(News::Error, format!("the journal cannot be written, so save often: {error}"));
         }
+        if !was_wanted && self.rows.live.is_wanted() && matches!(difference, Difference::Paint(_)) {
+            self.place();
+        }
         if difference == Difference::Rows {
             self.is_moved = true;
             self.introduce();
         }
         self.begin_again(State::Improving(1));
         self.tell_strokes();
+    }
+
+    /// Puts the light map where the first paint on a bare scene has its light, unless the scene says where it lies.
+    fn place(&mut self) {
+        let text = self.document.text_of(self.document.now(), self.radiance);
+        let fitted = text.and_then(|text| match edit::light_map_extent(&text)? {
+            None if self.rows.live.extent().is_some() => {
+                Rows::of(&self.setting, &self.setting.fitted_job(&text)?, false).map(Some)
+            }
+            _ => Ok(None),
+        });
+        match fitted {
+            Ok(Some(rows)) => (self.rows, self.is_moved) = (rows, true),
+            Ok(None) => {}
+            Err(error) => self.notice(News::Warning, format!("the light map stays where it is: {error}")),
+        }
     }
 
     /// Paints a preview anew.

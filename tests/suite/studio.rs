@@ -478,8 +478,19 @@ fn a_model_is_a_scene_once_it_is_saved() {
     let stroke = json!({ "points": [[640, 300], [640, 420]], "radius": 60, "color": "#ff8020" });
     page.say(json!({ "type": "paint", "view": 0, "stroke": stroke }));
     page.until("the stroke", |page| page.strokes(0).len() == 1);
+    // The light map lies where the command would put it for that paint.
+    page.told.retain(|told| told["type"] != "progress");
+    page.until("the full resolution", Page::is_done);
+    let met = page.last("progress").unwrap()["met"].as_f64().unwrap();
     page.say(json!({ "type": "save" }));
     page.until("the save", |page| page.last("strokes").unwrap()["is_saved"] == true);
+    let mut bare: Value = serde_json::from_str(&std::fs::read_to_string(&scene).unwrap()).unwrap();
+    bare.as_object_mut().unwrap().remove("light_map");
+    let path = scene.with_file_name("bare.json");
+    std::fs::write(&path, bare.to_string()).unwrap();
+    let found = Job::open(path).unwrap().solve(&mut Quiet).unwrap();
+    let expected = found.report().weighted_residual.met().unwrap();
+    assert!((met - expected).abs() < 0.02, "{met} is met, and the command meets {expected}");
     page.until("word of it", |page| page.last("hello").unwrap()["is_new"] == false);
     let saved = std::fs::read_to_string(&scene).unwrap();
     assert!(saved.contains("\"sigma_t\":0.1") && saved.contains("#ff8020"), "{saved}");
