@@ -73,7 +73,7 @@ impl Rows {
         let size = [field.map; 2];
         let formulation = Formulation {
             held_out: None,
-            targets: &vec![[0.02, 0.01, 0.03]; field.painted],
+            targets: vec![[0.02, 0.01, 0.03]; field.painted].into(),
             weights: Cow::Owned(ones),
             wanted: [1.0; 3],
             parts: vec![Part {

@@ -70,6 +70,11 @@ impl Bands {
         self.ranges.len()
     }
 
+    /// All of them.
+    pub(super) fn elements(&self) -> usize {
+        self.ranges.last().map_or(0, |last| last.end)
+    }
+
     /// The band of an element, and the elements in it.
     #[inline]
     pub(super) fn of(&self, element: usize) -> (usize, Range<usize>) {

@@ -1,11 +1,12 @@
 use std::fmt::Debug;
 
+use super::picked::picked;
 use super::{Mixed, TileMetric, Transport};
 use crate::Result;
 use crate::march::{Real, Traversal};
 use crate::operator::{
-    CpuVector, HostRows, LinearOperator, Metric, RowTable, Storage, TileBlocks, Tiling, TransportOperator,
-    Vector, WalkPlan, brought, fetched,
+    CpuVector, HostRows, LinearOperator, Metric, Picked, RowTable, Storage, TileBlocks, Tiling,
+    TransportOperator, Vector, WalkPlan, brought, fetched,
 };
 use crate::scene::Strategy;
 
@@ -69,6 +70,15 @@ impl<T: Traversal<f64, 1> + Traversal<f64, 3>, F: Real> TransportOperator for Ho
 
     fn storage(&self) -> Storage {
         of_any!(self, transport => transport.storage())
+    }
+
+    fn picked(&self, rows: &[usize]) -> Option<Picked<CpuVector<F>, CpuVector<F>>> {
+        match self {
+            Self::Grey(transport) => picked(transport.kept(), rows),
+            Self::Colored(transport) => picked(transport.kept(), rows),
+            // The rows of two kinds would have to be put in one order.
+            Self::Mixed(_) => None,
+        }
     }
 }
 

@@ -9,6 +9,7 @@ mod dense;
 mod host;
 mod lighting;
 mod mixed;
+mod picked;
 mod products;
 mod rows;
 mod tiles;

@@ -9,7 +9,7 @@ pub(super) const PIECE: usize = 64;
 /// The most rows of a chunk: what they have in a band should be long enough that memory streams.
 const LONGEST: usize = 1024;
 /// Chunks that the rows should make at least, so that threads can share them.
-const CHUNKS: usize = 64;
+pub(super) const CHUNKS: usize = 64;
 /// What one access to an element costs, in bytes of the rows that could be read meanwhile.
 const ACCESS: usize = 9;
 
@@ -128,6 +128,41 @@ impl<F: Real, const C: usize> Chunk<F, C> {
             chunk.weights.extend_from_slice(&part.weights);
         }
         chunk.bands.push(chunk.runs.len() as u32);
+        chunk
+    }
+
+    /// Some blocks of other chunks, in the order of those, for rows at other positions.
+    pub(super) fn of_blocks(
+        blocks: &[(&Self, usize)],
+        (rows, lanes): (Range<usize>, usize),
+        bands: usize,
+    ) -> Self {
+        let mut chunk = Self {
+            rows,
+            lanes,
+            bands: Vec::with_capacity(bands + 1),
+            runs: Vec::new(),
+            elements: Vec::new(),
+            weights: Vec::new(),
+            nonzeros: 0,
+        };
+        for band in 0..bands {
+            chunk.bands.push(chunk.runs.len() as u32);
+            for (number, &(from, block)) in blocks.iter().enumerate() {
+                for Stretch { entries, .. } in from.stretches(band, block..block + 1) {
+                    let all = entries.start * C * lanes..entries.end * C * lanes;
+                    chunk.elements.extend_from_slice(&from.elements[entries]);
+                    chunk.weights.extend_from_slice(&from.weights[all]);
+                    chunk.runs.push(Run { block: number as u32, end: chunk.elements.len() as u32 });
+                }
+            }
+        }
+        chunk.bands.push(chunk.runs.len() as u32);
+        let met = |entry: &[F]| {
+            let is_met = |lane: &usize| (0..C).any(|c| entry[c * lanes + lane] != F::zero());
+            (0..lanes).filter(is_met).count()
+        };
+        chunk.nonzeros = chunk.weights.chunks_exact(C * lanes).map(met).sum();
         chunk
     }
 

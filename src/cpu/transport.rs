@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::bands::Bands;
 use super::products::{Padded, padded};
-use super::rows::{Chunk, Packing};
+use super::rows::{CHUNKS, Chunk, PIECE, Packing};
 use crate::march::{Real, Traversal, Weight};
 use crate::operator::{
     CpuVector, LinearOperator, MatrixRows, RowOrder, Storage, WalkPlan, expect_len, lock, parallel,
@@ -42,7 +42,7 @@ pub struct Transport<T, F, const C: usize> {
 
 /// The rows that are kept, and what products with all rows need: it does not know what is walked.
 #[derive(Debug)]
-struct KeptRows<F, const C: usize> {
+pub(super) struct KeptRows<F, const C: usize> {
     rows: usize,
     /// The order in which rows are kept and walked; what follows counts by it.
     order: RowOrder,
@@ -71,10 +71,11 @@ struct Room<F> {
 }
 
 /// Walks some rows.
-type Walks<'a, F, const C: usize> = &'a dyn Fn(Range<usize>) -> Vec<Chunk<F, C>>;
+pub(super) type Walks<'a, F, const C: usize> = &'a dyn Fn(Range<usize>) -> Vec<Chunk<F, C>>;
 
 /// What some blocks of a chunk add to the sums of a band, of the rows in their order.
-type Sends<F, const C: usize> = fn(&Chunk<F, C>, (usize, Range<usize>), &[Padded<F>], &mut [Padded<F>]);
+pub(super) type Sends<F, const C: usize> =
+    fn(&Chunk<F, C>, (usize, Range<usize>), &[Padded<F>], &mut [Padded<F>]);
 
 impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
     /// Keeps as many rows as `strategy` and the `budget` in bytes ask for. The plan must be of the same traversal.
@@ -135,14 +136,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
 
     /// What is kept.
     pub fn storage(&self) -> Storage {
-        let kept = &self.kept;
-        Storage {
-            kept_rows: kept.first_walked,
-            walked_rows: self.traversal.rows() - kept.first_walked,
-            kept_nonzeros: kept.chunks.iter().map(|chunk| chunk.nonzeros() as u64).sum(),
-            bytes: kept.bytes(),
-            of_light_volumes: false,
-        }
+        self.kept.storage()
     }
 
     /// diag(Tᵀ diag(y) T): with constraint weights for y the coverage, and the diagonal of the normal matrix.
@@ -153,6 +147,11 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
         let mut x = self.domain();
         self.kept.send(y, &mut x, &|rows| self.walk_chunks(rows, 1), Chunk::squares);
         Ok(x)
+    }
+
+    /// What is kept of its rows.
+    pub(super) fn kept(&self) -> &KeptRows<F, C> {
+        &self.kept
     }
 
     fn walk_chunks(&self, rows: Range<usize>, lanes: usize) -> Vec<Chunk<F, C>> {
@@ -166,6 +165,80 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
 }
 
 impl<F: Real, const C: usize> KeptRows<F, C> {
+    pub(super) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    pub(super) fn elements(&self) -> usize {
+        self.bands.elements()
+    }
+
+    pub(super) fn storage(&self) -> Storage {
+        Storage {
+            kept_rows: self.first_walked,
+            walked_rows: self.rows - self.first_walked,
+            kept_nonzeros: self.chunks.iter().map(|chunk| chunk.nonzeros() as u64).sum(),
+            bytes: self.bytes(),
+            of_light_volumes: false,
+        }
+    }
+
+    /// The rows of all blocks that hold some of these rows, in the order in which they are kept, and what is kept of them; none where not
+    /// all rows are.
+    pub(super) fn picked(&self, rows: &[usize]) -> Option<(Vec<usize>, Self)> {
+        let lanes = self.chunks.first().filter(|_| self.first_walked == self.rows)?.lanes;
+        let mut blocks: Vec<usize> = rows.iter().map(|&row| self.order.position(row) / lanes).collect();
+        blocks.sort_unstable();
+        blocks.dedup();
+        let positions = blocks.iter().flat_map(|block| block * lanes..((block + 1) * lanes).min(self.rows));
+        let covered: Vec<usize> = positions.map(|position| self.order.row(position)).collect();
+        let at = |block: &usize| {
+            let position = block * lanes;
+            (&self.chunks[position / self.chunk], position % self.chunk / lanes)
+        };
+        let chunk = (covered.len() / CHUNKS).clamp(PIECE, self.chunk.max(PIECE)) / PIECE * PIECE;
+        let parts: Vec<&[usize]> = blocks.chunks(chunk / lanes).collect();
+        let chunks = parallel::map(parts.len(), &|part| {
+            let rows = part * chunk..((part + 1) * chunk).min(covered.len());
+            Chunk::of_blocks(&parts[part].iter().map(at).collect::<Vec<_>>(), (rows, lanes), self.bands.len())
+        });
+        let kept = Self {
+            rows: covered.len(),
+            order: RowOrder::default(),
+            long_from: self.long_from,
+            bands: self.bands.clone(),
+            chunks,
+            first_walked: covered.len(),
+            chunk,
+            rows_at_once: self.rows_at_once,
+            walking: 0,
+            room: Mutex::default(),
+        };
+        Some((covered, kept))
+    }
+
+    /// Visits the non-zeros of a row that is kept.
+    pub(super) fn visit(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
+        let position = self.order.position(row);
+        self.chunks[position / self.chunk].visit(position, &self.bands, visit);
+    }
+
+    /// y ← T x: the kept rows from what is kept, and `walk` sees to the others, which it is given in their order.
+    pub(super) fn gather(&self, x: &CpuVector<F>, y: &mut CpuVector<F>, walk: impl FnOnce(&mut [Padded<F>])) {
+        let mut room = self.room();
+        let (gathered, walked) = room.rows[..self.rows].split_at_mut(self.first_walked);
+        let gathered = gathered.par_chunks_mut(self.chunk).zip(&self.chunks);
+        gathered.for_each(|(y, chunk)| chunk.gather(&self.bands, &x.0, y));
+        walk(walked);
+        let rows = &room.rows[..];
+        parallel::on_pieces(&mut y.0, COPIED, &|first, y| {
+            for (row, y) in (first..).zip(y) {
+                let [r, g, b, _] = rows[self.order.position(row)];
+                *y = [r, g, b];
+            }
+        });
+    }
+
     fn bytes(&self) -> u64 {
         let order = if self.chunks.is_empty() { 0 } else { self.order.bytes() };
         self.chunks.iter().map(Chunk::bytes).sum::<usize>() as u64 + order as u64
@@ -179,7 +252,7 @@ impl<F: Real, const C: usize> KeptRows<F, C> {
     }
 
     /// Sends what every row has to every band of x, walking anew what is not kept.
-    fn send(&self, y: &CpuVector<F>, x: &mut CpuVector<F>, walk: Walks<F, C>, send: Sends<F, C>) {
+    pub(super) fn send(&self, y: &CpuVector<F>, x: &mut CpuVector<F>, walk: Walks<F, C>, send: Sends<F, C>) {
         let mut room = self.room();
         let Room { elements, rows } = &mut *room;
         parallel::on_pieces(&mut rows[..self.rows], COPIED, &|first, rows| {
@@ -292,8 +365,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> MatrixRows<F, C> for Transpo
             let mut visit = |element: usize, weight: Weight<f64, C>| visit(element, weight.map(F::of));
             return self.traversal.walk_shared(row, &mut visit);
         }
-        let chunk = &kept.chunks[position / kept.chunk];
-        chunk.visit(position, &kept.bands, visit);
+        kept.visit(row, visit);
     }
 }
 
@@ -313,18 +385,8 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
         expect_len("x", x, self.traversal.elements())?;
         expect_len("y", y, self.traversal.rows())?;
         let kept = &self.kept;
-        let mut room = kept.room();
-        let (gathered, walked) = room.rows[..kept.rows].split_at_mut(kept.first_walked);
-        let gathered = gathered.par_chunks_mut(kept.chunk).zip(&kept.chunks);
-        gathered.for_each(|(y, chunk)| chunk.gather(&kept.bands, &x.0, y));
-        self.traversal.gather_rows(&x.0, &|k| kept.order.row(kept.first_walked + k), walked, kept.walking);
-        let rows = &room.rows[..];
-        parallel::on_pieces(&mut y.0, COPIED, &|first, y| {
-            for (row, y) in (first..).zip(y) {
-                let [r, g, b, _] = rows[kept.order.position(row)];
-                *y = [r, g, b];
-            }
-        });
+        let row = |k: usize| kept.order.row(kept.first_walked + k);
+        kept.gather(x, y, |walked| self.traversal.gather_rows(&x.0, &row, walked, kept.walking));
         Ok(())
     }
 
@@ -353,8 +415,10 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> LinearOperator for Transport
 
 #[cfg(test)]
 mod tests {
+    use super::super::picked::picked;
     use super::*;
     use crate::march::channel;
+    use crate::operator::Picked;
 
     /// Rows of which `alike` in a row meet nearly the same elements, in an order that is not that of their numbers.
     #[derive(Debug, Clone, Copy)]
@@ -454,5 +518,37 @@ mod tests {
             let noticed = errors::<1>(&off, &rows, lanes);
             assert!(noticed.iter().all(|&error| error > 2e-7), "{alike} alike: {noticed:?}");
         }
+    }
+
+    /// Of few rows, and of most: what is picked is what is kept, and rows that come along are told.
+    #[test]
+    fn picked_rows_are_those_that_are_kept() {
+        for (alike, lanes) in [(1, 1), (4, 4), (24, 8)] {
+            let rows = Neighbours { rows: 3000 + 5, alike, off: 0.0 };
+            let all =
+                Transport::<_, f32, 1>::new(rows, &WalkPlan::new::<1>(&rows), Strategy::Assembled, u64::MAX);
+            let all = all.unwrap();
+            for asked in [vec![0, 1, 7, 1800, 3004], (0..3005).filter(|row| row % 5 > 0).collect()] {
+                let Picked { rows, operator } = picked(all.kept(), &asked).unwrap();
+                assert!(asked.iter().all(|row| rows.contains(row)));
+                assert!(rows.len() <= lanes * asked.len());
+                assert_eq!(operator.storage().kept_nonzeros, 30 * rows.len() as u64);
+                let x = values(ELEMENTS);
+                let (mut shown, mut of_all) = (operator.range(), all.range());
+                operator.apply(&x, &mut shown).unwrap();
+                all.apply(&x, &mut of_all).unwrap();
+                assert!(rows.iter().zip(&shown.0).all(|(&row, shown)| *shown == of_all.0[row]));
+                let (few, mut y) = (values(rows.len()), all.range());
+                rows.iter().zip(&few.0).for_each(|(&row, value)| y.0[row] = *value);
+                let (mut sent, mut of_all) = (operator.domain(), all.domain());
+                operator.apply_adjoint(&few, &mut sent).unwrap();
+                all.apply_adjoint(&y, &mut of_all).unwrap();
+                assert_eq!(sent, of_all);
+                assert_eq!(operator.squares(&few).unwrap(), all.squares(&y).unwrap());
+            }
+        }
+        let rows = Neighbours { rows: 640, alike: 4, off: 0.0 };
+        let walked = Transport::<_, f32, 1>::new(rows, &WalkPlan::new::<1>(&rows), Strategy::MatrixFree, 0);
+        assert!(picked(walked.unwrap().kept(), &[3]).is_none());
     }
 }

@@ -1,5 +1,6 @@
 //! A job that is kept warm: strokes change, rows stay, and the solve goes on from where it is.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::engine::{Engine, On};
@@ -9,17 +10,17 @@ use super::preview::{Preview, scaled, seen_at};
 use super::{Job, Options};
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuOperator;
-use crate::operator::{CpuVector, FromHost, NOWHERE, OnHost, TransportOperator};
+use crate::operator::{CpuVector, FromHost, NOWHERE, OnHost, Picked, TransportOperator};
 use crate::problem::{
-    Backdrop, Begin, Canvas, Constraint, LightMapProblem, Painting, Paused, Problem, Renderer, Solved,
-    Traced, fit, minimize, paint, pixels, render,
+    Backdrop, Begin, Canvas, Constraint, Formulation, LightMapProblem, Painting, Paused, Problem, Renderer,
+    Snapshot, Solved, Traced, fit, minimize, paint, pixels, render,
 };
 use crate::scene::{Camera, Extent, Image, MapSettings, Rgb, Scene, SolveSettings, Stroke, rgb};
-use crate::solve::StopReason;
+use crate::solve::{Control, StopReason};
 use crate::visibility::Geometry;
 use crate::{Error, Result};
 
-/// Rows that weigh something are walked again where they are less than one in so many of all.
+/// Rows that weigh something are put together where they are less than one in so many of all.
 const MANY: usize = 3;
 
 /// How far a live job is.
@@ -40,7 +41,7 @@ pub struct Standing {
 /// A light map that is looked for while somebody paints.
 ///
 /// Rows of all pixels of all views are kept, for pictures; a change of strokes changes weights and targets, and the few rows that weigh
-/// something are walked and kept again for the solve. Points and radii of strokes are in pixels
+/// something are put together for the solve. Points and radii of strokes are in pixels
 /// of the full pictures.
 ///
 /// They are kept where the job computes, the processor or an adapter; where an adapter fails that the processor may take the place of, it
@@ -85,15 +86,25 @@ struct Still {
 pub struct LivePictures<'a> {
     live: &'a LiveJob,
     still: Arc<Still>,
+    /// All elements.
+    x: Cow<'a, [Rgb]>,
     /// T (x − x₀).
     scattered: Vec<Rgb>,
     /// How far the texels differ from the plain light.
     texels: Vec<Rgb>,
 }
 
-/// The rows that weigh something, and T of them.
+/// A live job between two iterations.
+pub struct LiveMoment<'a> {
+    live: &'a LiveJob,
+    snapshot: &'a dyn Snapshot,
+    /// How far it is.
+    pub standing: Standing,
+}
+
+/// Some rows, those that weigh something among them, and T of them.
 struct Few {
-    problem: LightMapProblem,
+    rows: Vec<usize>,
     warm: Warm,
 }
 
@@ -255,6 +266,17 @@ impl LiveJob {
     ///
     /// Errors: [`Error::Empty`] where nothing is painted; those of the method.
     pub fn advance(&mut self, iterations: usize) -> Result<Standing> {
+        self.watched(iterations, &mut |_| Ok(Control::Continue))
+    }
+
+    /// The same; `each` sees every iteration, and may stop there, which a later call goes on from.
+    ///
+    /// Errors: as [`Self::advance`], and what `each` reports.
+    pub fn watched(
+        &mut self,
+        iterations: usize,
+        each: &mut dyn FnMut(&LiveMoment<'_>) -> Result<Control>,
+    ) -> Result<Standing> {
         if !self.is_painted() {
             return Err(Error::Empty {
                 reason: "nothing is painted".to_owned(),
@@ -267,23 +289,19 @@ impl LiveJob {
             if matches!(on, On::Cpu) && !matches!(self.warm, Warm::Cpu(_)) {
                 (self.warm, self.few) = (Warm::new(&self.problem, On::Cpu, how, deterministic)?, None);
             }
-            let weights = self.problem.constraints.iter().enumerate().filter(|(_, pixel)| pixel.weight > 0.0);
-            let rows: Vec<usize> = weights.map(|(row, _)| row).collect();
-            // To walk few of them again costs less than a product with all.
-            if self.few.is_none() && MANY * rows.len() < self.problem.constraints.len() {
-                let problem = self.problem.of_some(&rows);
-                let warm = Warm::new(&problem, on, how, deterministic)?;
-                self.few = Some(Few { problem, warm });
+            if self.few.is_none() {
+                self.few = self.few(on)?;
             }
             let resumed = self.paused.take();
-            let (problem, warm) = match &self.few {
-                Some(few) => (&few.problem, &few.warm),
-                None => (&self.problem, &self.warm),
+            let formulation = self.problem.formulation(&self.settings)?;
+            let (formulation, warm) = match &self.few {
+                Some(few) => (formulation.picked(&few.rows), &few.warm),
+                None => (formulation, &self.warm),
             };
             match warm {
-                Warm::Cpu(operator) => self.go_on(problem, operator, resumed, iterations),
+                Warm::Cpu(operator) => self.go_on(&formulation, operator, resumed, iterations, each),
                 #[cfg(feature = "gpu")]
-                Warm::Gpu(operator) => self.go_on(problem, &**operator, resumed, iterations),
+                Warm::Gpu(operator) => self.go_on(&formulation, &**operator, resumed, iterations, each),
             }
         });
         self.engine = engine;
@@ -310,12 +328,31 @@ impl LiveJob {
         Ok(standing)
     }
 
+    /// The rows that weigh something, and T of them, where they are few. A product with them costs less than one with all, even where
+    /// they are walked for it.
+    fn few(&self, on: On) -> Result<Option<Few>> {
+        let weights = self.problem.constraints.iter().enumerate().filter(|(_, pixel)| pixel.weight > 0.0);
+        let rows: Vec<usize> = weights.map(|(row, _)| row).collect();
+        if MANY * rows.len() >= self.problem.constraints.len() {
+            return Ok(None);
+        }
+        if let Warm::Cpu(operator) = &self.warm
+            && let Some(Picked { rows, operator }) = operator.picked(&rows)
+        {
+            return Ok(Some(Few { rows, warm: Warm::Cpu(operator) }));
+        }
+        let problem = self.problem.of_some(&rows);
+        let warm = Warm::new(&problem, on, (&self.settings, &self.memory), self.deterministic)?;
+        Ok(Some(Few { rows, warm }))
+    }
+
     fn go_on(
         &self,
-        problem: &LightMapProblem,
+        formulation: &Formulation<'_>,
         operator: &impl TransportOperator,
         resumed: Option<(Paused, CpuVector)>,
         iterations: usize,
+        each: &mut dyn FnMut(&LiveMoment<'_>) -> Result<Control>,
     ) -> Result<Went> {
         let is_new = resumed.is_none();
         let (begin, before, coverage) = match resumed {
@@ -323,16 +360,30 @@ impl LiveJob {
                 let before = paused.history.progress.len() - 1;
                 (Begin::Resumed(paused), before, coverage)
             }
-            None => (Begin::At(&self.x), 0, operator.squares(&problem.weights())?),
+            None => {
+                let weights = CpuVector(formulation.weights.to_vec());
+                (Begin::At(&self.x), 0, operator.squares(&weights)?)
+            }
         };
         let settings = SolveSettings { iterations: before + iterations, ..self.settings.clone() };
-        let formulation = problem.formulation(&settings)?;
         let mut left = None;
-        let solved = minimize(&formulation, operator, &coverage, &settings, begin, |history, snapshot| {
+        let solved = minimize(formulation, operator, &coverage, &settings, begin, |history, snapshot| {
             if snapshot.is_final() {
                 left = Some(Paused { history: history.clone(), state: snapshot.state()? });
+                return Ok(Control::Continue);
             }
-            Ok(self.stop.control())
+            let last = history.progress.last().copied().unwrap_or_default();
+            let standing = Standing {
+                iterations: last.iteration,
+                applications: last.operator_applications,
+                gradient: last.normal_residual,
+                objective: last.residual.map(|residual| residual.powi(2)),
+                stop: StopReason::Iterations,
+            };
+            match each(&LiveMoment { live: self, snapshot, standing })? {
+                Control::Continue => Ok(self.stop.control()),
+                stopped => Ok(stopped),
+            }
         })?;
         Ok(Went { solved, left: left.map(|left| (left, coverage)), is_new })
     }
@@ -375,28 +426,42 @@ impl LiveJob {
     ///
     /// Errors: [`Error::Empty`] where lights around the scene are looked for, too: [`Self::picture`] has those; those of the rows.
     pub fn pictures(&mut self) -> Result<LivePictures<'_>> {
+        self.prepare()?;
+        self.pictures_of(Cow::Borrowed(&self.x))
+    }
+
+    /// Draws what of all pictures does not change, so that [`LiveMoment::pictures`] need not.
+    ///
+    /// Errors: as [`Self::pictures`].
+    pub fn prepare(&mut self) -> Result<()> {
+        if self.still.is_none() {
+            self.still = Some(Arc::new(self.still()?));
+        }
+        Ok(())
+    }
+
+    fn pictures_of<'a>(&'a self, x: Cow<'a, [Rgb]>) -> Result<LivePictures<'a>> {
+        let still = match &self.still {
+            Some(still) => still.clone(),
+            None => Arc::new(self.still()?),
+        };
+        let shown = self.shown(&x)?;
+        let difference = |all: &[Rgb], from: &dyn Fn(usize) -> Rgb| -> Vec<Rgb> {
+            let of = |(index, value): (usize, &Rgb)| rgb(|c| value[c] - from(index)[c]);
+            all.iter().enumerate().map(of).collect()
+        };
+        let scattered = difference(&shown, &|row| still.start[row]);
+        let texels = difference(self.problem.parted(&x)[0], &|_| self.problem.start);
+        Ok(LivePictures { live: self, still, x, scattered, texels })
+    }
+
+    fn still(&self) -> Result<Still> {
         if self.scene.surroundings.is_some() {
             return Err(Error::Empty {
                 reason: "previews show no lights around a scene that are looked for, too".to_owned(),
                 remedy: "draw the views one by one, or leave `surroundings` away",
             });
         }
-        let still = match self.still.take() {
-            Some(still) => still,
-            None => Arc::new(self.still()?),
-        };
-        self.still = Some(still.clone());
-        let shown = self.shown(&self.x)?;
-        let difference = |all: &[Rgb], from: &dyn Fn(usize) -> Rgb| -> Vec<Rgb> {
-            let of = |(index, value): (usize, &Rgb)| rgb(|c| value[c] - from(index)[c]);
-            all.iter().enumerate().map(of).collect()
-        };
-        let scattered = difference(&shown, &|row| still.start[row]);
-        let texels = difference(self.problem.parted(&self.x)[0], &|_| self.problem.start);
-        Ok(LivePictures { live: self, still, scattered, texels })
-    }
-
-    fn still(&self) -> Result<Still> {
         let views = 0..self.scene.views.len();
         let backdrop = |view| Backdrop::new(&self.scene, &self.problem.maps, view);
         let backdrops = views.map(backdrop).collect::<Result<Vec<_>>>()?;
@@ -427,7 +492,11 @@ impl LiveJob {
 
     /// The light map as it is.
     pub fn light_map(&self) -> Result<Image> {
-        let [texels, _] = self.problem.parted(&self.x);
+        self.light_map_of(&self.x)
+    }
+
+    fn light_map_of(&self, x: &[Rgb]) -> Result<Image> {
+        let [texels, _] = self.problem.parted(x);
         Image::new(self.problem.maps.light_map.size, texels.to_vec())
     }
 
@@ -442,7 +511,21 @@ impl LiveJob {
     }
 }
 
+impl LiveMoment<'_> {
+    /// All previews under the light map as it is between the iterations.
+    ///
+    /// Errors: as [`LiveJob::pictures`].
+    pub fn pictures(&self) -> Result<LivePictures<'_>> {
+        self.live.pictures_of(Cow::Owned(self.snapshot.elements()?))
+    }
+}
+
 impl LivePictures<'_> {
+    /// The light map.
+    pub fn light_map(&self) -> Result<Image> {
+        self.live.light_map_of(&self.x)
+    }
+
     fn row(&self, view: usize, pixel: usize) -> Option<usize> {
         Some(self.still.rows[view][pixel]).filter(|&row| row != NOWHERE).map(|row| row as usize)
     }

@@ -59,7 +59,7 @@ pub(crate) use exposure::readable;
 pub(crate) use folder::Folder;
 #[cfg(feature = "cli")]
 pub(crate) use folder::abandon;
-pub use live::{LiveJob, LivePictures, Standing};
+pub use live::{LiveJob, LiveMoment, LivePictures, Standing};
 pub use live_volume::LiveVolume;
 pub use matrix::Exported;
 pub(crate) use memory::MemoryBudget;

@@ -182,8 +182,12 @@ pub(super) fn tell_of_light(
             "{:.0} % of the painted pixels share their light with paint of another colour, {whose}; no light map meets both",
             100.0 * contested
         );
-        Warning::new("contradicted-paint", text, "paint light that is one in the scene with one colour")
-            .tell();
+        Warning::new(
+            "contradicted-paint",
+            text,
+            "give all paint on one shaft the same colour: a shaft has one colour from end to end",
+        )
+        .tell();
     }
     if brightest > BRIGHT {
         let text = format!(

@@ -36,7 +36,7 @@ pub use scaled::{Identity, Scaled};
 pub use stacked::{BlockSum, Blocks, Stacked};
 pub use sum::Sum;
 pub use tiling::{TileBlocks, Tiling};
-pub use transport::{FromHost, HostRows, OnHost, Storage, TransportOperator};
+pub use transport::{FromHost, HostRows, OnHost, Picked, Storage, TransportOperator};
 pub(crate) use transport::{brought, fetched};
 pub use walk_plan::WalkPlan;
 pub use weighted::Weighted;

@@ -38,6 +38,19 @@ pub trait TransportOperator: LinearOperator<Domain: Indexed + 'static, Range: 's
 
     /// How much of it is kept.
     fn storage(&self) -> Storage;
+
+    /// T of some rows, made of what is kept. None where rows would have to be walked for that.
+    fn picked(&self, _rows: &[usize]) -> Option<Picked<Self::Domain, Self::Range>> {
+        None
+    }
+}
+
+/// `T` of some rows of another one, and of those that are kept together with them.
+pub struct Picked<V, R> {
+    /// Which rows of the other it has, in their order.
+    pub rows: Vec<usize>,
+    /// T of them.
+    pub operator: Box<dyn TransportOperator<Domain = V, Range = R> + Send + Sync>,
 }
 
 /// `T` on the processor, whatever its rows are.
@@ -60,6 +73,10 @@ impl<O: TransportOperator + ?Sized> TransportOperator for Box<O> {
 
     fn storage(&self) -> Storage {
         (**self).storage()
+    }
+
+    fn picked(&self, rows: &[usize]) -> Option<Picked<Self::Domain, Self::Range>> {
+        (**self).picked(rows)
     }
 }
 

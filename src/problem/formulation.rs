@@ -10,7 +10,7 @@ use crate::{Error, Result};
 #[derive(Debug, Clone)]
 pub struct Formulation<'a> {
     /// b of each row: radiance, for extinction optical depth.
-    pub targets: &'a [Rgb],
+    pub targets: Cow<'a, [Rgb]>,
     /// w of each row and channel, dimensionless.
     pub weights: Cow<'a, [Rgb]>,
     /// Σ w L² over the rows, a number a channel, with L all that a row should show: what noise is relative to.
@@ -89,6 +89,12 @@ pub struct Lattice<'a> {
 }
 
 impl<'a> Formulation<'a> {
+    /// The same problem with some of its rows, in this order.
+    pub fn picked(self, rows: &[usize]) -> Self {
+        let of = |values: &[Rgb]| Cow::Owned(rows.iter().map(|&row| values[row]).collect());
+        Self { targets: of(&self.targets), weights: of(&self.weights), ..self }
+    }
+
     /// The number of elements.
     pub fn elements(&self) -> usize {
         self.parts.iter().map(|part| part.start.len()).sum()

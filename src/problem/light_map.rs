@@ -344,7 +344,7 @@ impl Problem for LightMapProblem {
         let others = Part { noun: "lights", start, bounds, lattice: None, scale: 1, joined: &[], ..texels };
         Ok(Formulation {
             held_out: None,
-            targets: &self.targets,
+            targets: (&self.targets).into(),
             weights: self.weights().0.into(),
             wanted,
             parts: if start.is_empty() { vec![texels] } else { vec![texels, others] },

@@ -21,6 +21,7 @@ mod reach;
 mod render;
 mod scattered;
 mod scattering;
+mod segment;
 mod sight;
 mod sky;
 mod solution;

@@ -199,9 +199,9 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         let start = brought(operator.domain().zeros(columns.len()), &picked)?;
         // Where every element is unknown, there is nothing to leave out.
         let (operator, targets) = if columns.len() == elements {
-            weighted(operator, factors, problem.targets)?
+            weighted(operator, factors, &problem.targets)?
         } else {
-            weighted(Restricted::new(operator, columns.clone())?, factors, problem.targets)?
+            weighted(Restricted::new(operator, columns.clone())?, factors, &problem.targets)?
         };
         let mut bounds = Bounds::NONE;
         if settings.solver.keeps_bounds() {

@@ -162,8 +162,10 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
         history.progress.push(entry);
         judge.note(method, &mut history, &entry);
         certifying += judge.settle(method, &mut history)?;
-        if each(&history, method)? == Control::Stop {
-            return judge.finish(method, &history, StopReason::Interrupted);
+        match each(&history, method)? {
+            Control::Continue => {}
+            Control::Stop => return judge.finish(method, &history, StopReason::Interrupted),
+            Control::Pause => return Ok(outcome(method.measure(), &history, StopReason::Interrupted)),
         }
     }
 }
@@ -287,14 +289,7 @@ impl<O: LinearOperator> Judge<'_, O> {
         let residual = self.r.dot_later(&self.r)?;
         let normal_residual = self.s.projected_norm_squared_later(method.solution(), bounds)?;
         let truth = Measure { residual: residual.value()?, normal_residual: normal_residual.value()? };
-        let (true_residual, true_normal_residual) = relative(&truth, &history.start);
-        let iteration = history.progress.last().map_or(0, |last| last.iteration);
-        Ok(Outcome {
-            history: history.clone(),
-            stop: Ending { reason, iteration },
-            true_residual,
-            true_normal_residual,
-        })
+        Ok(outcome(truth, history, reason))
     }
 
     /// Whether the residuals computed anew agree that every channel is done, by tolerance or by discrepancy.
@@ -335,6 +330,13 @@ fn progress(
 ) -> Progress {
     let (residual, normal_residual) = relative(&measure, start);
     Progress { iteration, seconds, operator_applications, residual, normal_residual, held_out: None }
+}
+
+fn outcome(end: Measure, history: &History, reason: StopReason) -> Outcome {
+    let (true_residual, true_normal_residual) = relative(&end, &history.start);
+    let iteration = history.progress.last().map_or(0, |last| last.iteration);
+    let stop = Ending { reason, iteration };
+    Outcome { history: history.clone(), stop, true_residual, true_normal_residual }
 }
 
 /// Norms relative to the start; a channel that starts at zero is at zero.

@@ -96,7 +96,7 @@ pub fn gauss_newton<N: NonLinear>(problem: &mut N, settings: &GaussNewton) -> Re
         }
         let after = problem.distance();
         let control = problem.told(step, Taken { number, share, distance: [before, after] })?;
-        if control == Control::Stop || before - after <= settings.least_gain * before {
+        if control != Control::Continue || before - after <= settings.least_gain * before {
             break;
         }
     }

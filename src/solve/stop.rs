@@ -103,6 +103,8 @@ pub enum Control {
     Continue,
     /// Stop here.
     Stop,
+    /// Stop here at once: the residuals of the outcome are the method's own, and are no certificate.
+    Pause,
 }
 
 /// Iterations without any progress after which a solve has stagnated.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::messages::{CameraRecord, ViewRecord};
+use super::pictures::Seen;
 use super::setting::Setting;
 use crate::io::scene_file::Extent;
 use crate::job::{Job, LiveJob, LiveVolume, Options, Preview, Scenes};
@@ -160,6 +161,16 @@ impl Live {
             }
         }
         Err(refused.unwrap_or_else(|| Error::Machine("no preview fits".to_owned())))
+    }
+
+    /// What previews show as it is.
+    ///
+    /// Errors: those of making previews.
+    pub(super) fn seen(&mut self) -> Result<Seen<'_>> {
+        Ok(match self {
+            Self::LightMap(live) => Seen::LightMap(live.pictures()?),
+            Self::Volume(live) => Seen::Volume(live),
+        })
     }
 
     fn size(&self, view: usize, name: &str) -> Result<[usize; 2]> {

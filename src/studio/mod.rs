@@ -6,12 +6,14 @@
 
 mod document;
 mod drawing;
+mod errands;
 mod full;
 mod live;
 mod messages;
 mod model;
 mod page;
 mod pictures;
+mod screen;
 mod server;
 mod setting;
 mod worker;

@@ -2,7 +2,6 @@
 
 use super::document::Document;
 use super::full::{Full, relative};
-use super::live::Live;
 use super::messages::{Kind, Stage};
 use crate::Result;
 use crate::io::image::rgba_bytes;
@@ -12,6 +11,23 @@ use crate::scene::Rgb;
 
 /// Brush colours beside those of a scene; pages have white and black.
 const PALETTE: [&str; 7] = ["#ffb347", "#ff7a2f", "#e0352b", "#c030f0", "#2f6bff", "#20b8d8", "#40c060"];
+
+/// What previews show.
+pub(super) enum Seen<'a> {
+    LightMap(LivePictures<'a>),
+    Volume(&'a LiveVolume),
+}
+
+impl Seen<'_> {
+    /// Whether views have pictures of a kind. Light reaches all of a volume, and paint is one wish beside others there.
+    fn has(&self, kind: Kind) -> bool {
+        match kind {
+            Kind::LightMap | Kind::Free => false,
+            Kind::Coverage | Kind::Conflict => matches!(self, Self::LightMap(_)),
+            Kind::After | Kind::Before | Kind::Target | Kind::Difference => true,
+        }
+    }
+}
 
 /// A picture on its way to pages.
 pub(super) struct Shown {
@@ -23,65 +39,65 @@ pub(super) struct Shown {
     pub(super) bytes: Vec<u8>,
 }
 
-/// Hands out pictures of some kinds, those of the `first` view first; gives back the share of the paint that is met. What the full resolution
+/// Hands out pictures of some kinds, those of the `first` view first, then the light map; gives back the share of the paint that is met. What the full resolution
 /// has takes the place of previews. `light` is the radiance of the sun, and pictures of views are brightened by `exposure`.
 ///
 /// Errors: those of making previews.
 pub(super) fn previews(
-    live: &mut Live,
+    seen: &Seen<'_>,
     full: Option<&Full>,
     (kinds, first): (&[Kind], usize),
     (light, exposure): (Rgb, f64),
     hand_out: &mut dyn FnMut(Shown),
 ) -> Result<Option<f64>> {
-    if kinds.contains(&Kind::LightMap)
-        && let Live::LightMap(live) = &*live
-    {
-        let (stage, map) = match full.and_then(|full| full.light_map.as_ref()) {
-            Some(map) => (Stage::Full, map.clone()),
-            None => (Stage::Preview, relative(&live.light_map()?, light)),
-        };
-        let bytes = rgba_bytes(&map, 1.0);
-        hand_out(Shown { kind: Kind::LightMap, view: None, stage, size: map.size(), bytes });
-    }
-    let (pictures, volume) = match live {
-        Live::LightMap(live) => (Some(live.pictures()?), None),
-        Live::Volume(live) => (None, Some(&**live)),
+    let views = match seen {
+        Seen::LightMap(pictures) => pictures.views(),
+        Seen::Volume(volume) => volume.views(),
     };
-    let views = pictures.as_ref().map_or_else(|| volume.map_or(0, LiveVolume::views), LivePictures::views);
     let first = first.min(views.saturating_sub(1));
-    for view in (first..views).chain(0..first) {
-        for &kind in kinds.iter().filter(|&&kind| kind != Kind::LightMap) {
+    for (turn, view) in (first..views).chain(0..first).enumerate() {
+        for &kind in kinds.iter().filter(|&&kind| seen.has(kind)) {
             let (stage, size, bytes) = match (full, kind) {
                 (Some(full), Kind::After) => {
                     let after = &full.views[view];
                     (Stage::Full, after.size(), rgba_bytes(after, exposure))
                 }
-                _ => match (&pictures, volume) {
-                    (Some(pictures), _) => preview_of(pictures, kind, view, exposure),
-                    (None, Some(volume)) => preview_of_volume(volume, kind, view, exposure),
-                    (None, None) => continue,
+                _ => match seen {
+                    Seen::LightMap(pictures) => preview_of(pictures, kind, view, exposure),
+                    Seen::Volume(volume) => preview_of_volume(volume, kind, view, exposure),
                 },
             };
             hand_out(Shown { kind, view: Some(view), stage, size, bytes });
         }
+        if turn == 0
+            && kinds.contains(&Kind::LightMap)
+            && let Seen::LightMap(pictures) = seen
+        {
+            let (stage, map) = match full.and_then(|full| full.light_map.as_ref()) {
+                Some(map) => (Stage::Full, map.clone()),
+                None => (Stage::Preview, relative(&pictures.light_map()?, light)),
+            };
+            let bytes = rgba_bytes(&map, 1.0);
+            hand_out(Shown { kind: Kind::LightMap, view: None, stage, size: map.size(), bytes });
+        }
     }
-    Ok(pictures.map_or_else(|| volume.and_then(LiveVolume::met), |pictures| pictures.met()))
+    Ok(match seen {
+        Seen::LightMap(pictures) => pictures.met(),
+        Seen::Volume(volume) => volume.met(),
+    })
 }
 
 /// The paint that asks for what is seen at a pixel of a preview.
-///
-/// Errors: those of making previews.
-pub(super) fn tint(live: &mut Live, view: usize, at: [usize; 2]) -> Result<Rgb> {
-    Ok(match live {
-        Live::LightMap(live) => live.pictures()?.tint(view, at),
+pub(super) fn tint(seen: &Seen<'_>, view: usize, at: [usize; 2]) -> Rgb {
+    match seen {
+        Seen::LightMap(pictures) => pictures.tint(view, at),
         // Of a light as bright as what is seen there.
-        Live::Volume(live) => {
-            let seen = live.after(view).at(at[0], at[1]);
+        Seen::Volume(volume) => {
+            let seen = volume.after(view).at(at[0], at[1]);
             let most = seen.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
             seen.map(|value| value / most)
         }
-    })
+    }
 }
 
 /// What a preview shows.
@@ -103,7 +119,7 @@ fn preview_of(
     (Stage::Preview, before.size(), bytes)
 }
 
-/// What a preview of a volume shows. Light reaches all of it, and paint is one wish beside others.
+/// What a preview of a volume shows.
 fn preview_of_volume(
     volume: &LiveVolume,
     kind: Kind,
@@ -115,8 +131,7 @@ fn preview_of_volume(
         Kind::After => rgba_bytes(volume.after(view), exposure),
         Kind::Target => rgba_bytes(&volume.target(view), exposure),
         Kind::Difference => rgba_bytes(&volume.difference(view), exposure),
-        Kind::Coverage | Kind::Conflict => mask(before.pixels.iter().map(|_| false)),
-        Kind::Before | Kind::LightMap | Kind::Free => rgba_bytes(before, exposure),
+        _ => rgba_bytes(before, exposure),
     };
     (Stage::Preview, before.size(), bytes)
 }

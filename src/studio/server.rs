@@ -24,9 +24,9 @@ use serde::Deserialize;
 use tokio::net::TcpListener;
 use tokio::sync::broadcast::{self, error::RecvError};
 
+use super::errands::Order;
 use super::messages::{Asked, News, Sent, Told};
 use super::page;
-use super::worker::Order;
 use crate::job::Stop;
 use crate::{Error, Result};
 

@@ -1,8 +1,7 @@
 //! The thread that solves: it makes changes of strokes, goes on from where the light map is, and sends pictures as they improve.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::time::{Duration, Instant};
 
@@ -11,50 +10,23 @@ use tokio::sync::broadcast;
 
 use super::document::{Document, Saved};
 use super::drawing::{Change, Difference, Drawing};
-use super::full::{Full, export};
+use super::errands::{Errands, Order};
+use super::full::Full;
 use super::live::{Live, Rows, Subject};
-use super::messages::{
-    Asked, CameraRecord, Kind, News, Phase, Sent, Stage, Told, ViewRecord, Wish, hex, picture,
-};
-use super::pictures::{Shown, palette, previews, tint};
-use super::setting::{Setting, located, patient_threads};
-use crate::io::image::rgba_bytes;
+use super::messages::{Asked, CameraRecord, Kind, News, Phase, Sent, Told, ViewRecord, Wish, hex};
+use super::pictures::{Seen, palette, tint};
+use super::screen::{Changes, Screen};
+use super::setting::{Setting, located};
 use crate::io::scene_file::{Group, View, edit};
-use crate::job::{Quiet, Solution, Stop, readable};
+use crate::job::{LiveMoment, Solution, Standing, Stop, readable};
 use crate::scene::{Camera, FovAxis, Rgb, look_at};
+use crate::solve::{Control, StopReason};
 use crate::{Error, Result};
 
-/// All that pages may watch, in the order in which it is sent.
-const KINDS: [Kind; 7] = [
-    Kind::After,
-    Kind::Before,
-    Kind::Target,
-    Kind::Difference,
-    Kind::Coverage,
-    Kind::Conflict,
-    Kind::LightMap,
-];
 /// How long the pen rests before the full resolution follows.
 const REST: Duration = Duration::from_millis(250);
 /// How often to look whether somebody wants to stop, and whether another program has changed the scene.
 const LOOK: Duration = Duration::from_millis(500);
-/// Pictures of a preview follow each other at least so far apart, once the first is there.
-const APART: Duration = Duration::from_millis(120);
-/// Iterations between two pictures at most.
-const MOST: usize = 8;
-/// What the worker is told to do.
-pub(super) enum Order {
-    /// A page is there; its number.
-    Joined(u64),
-    Left(u64),
-    Asked(u64, Asked),
-    /// A solve of a volume's previews has ended, for the strokes of that number.
-    Previewed(u64, Result<Box<Solution>>),
-    /// A solve of the full pictures has ended, for the strokes of that number.
-    Full(u64, Result<Full>),
-    Exporting(String, Option<f64>),
-    Exported(Result<PathBuf>),
-}
 
 pub(super) struct Worker {
     setting: Setting,
@@ -65,80 +37,29 @@ pub(super) struct Worker {
     palette: Vec<String>,
     /// Threads that leave one core to the browser.
     few: Option<rayon::ThreadPool>,
-    /// Threads that work when no other do, for the full resolution: the next stroke does not wait until they have heard of it.
-    patient: Option<Arc<rayon::ThreadPool>>,
     orders: Receiver<Order>,
     /// Orders that have come already.
     waiting: VecDeque<Order>,
-    mine: Sender<Order>,
-    pages: broadcast::Sender<Sent>,
-    watched: HashMap<u64, Vec<Kind>>,
-    /// What all pictures are brightened by.
-    exposure: f64,
+    errands: Errands,
+    screen: Screen,
     is_pen_down: bool,
-    /// The view that was painted on last, which is shown first.
-    painted: usize,
     /// The view whose size the pictures of a free camera have.
     looks_from: usize,
     state: State,
-    /// Counts pictures, and changes of strokes.
-    serial: u64,
+    /// Counts changes of strokes.
     changes: u64,
-    /// The change up to which the preview has followed.
-    followed: u64,
     /// What pictures are brightened by at first.
     readable: f64,
     full: Option<Full>,
-    solving: Option<Stop>,
-    exporting: Option<Stop>,
-    began: Instant,
-    last_picture: Instant,
     is_told_of_change: bool,
-    /// Whether the light map lies elsewhere than when pages saw all pictures last.
-    is_moved: bool,
-    /// How far the solve was when pages were told last.
-    standing: Option<Standing>,
     /// What the first page is told.
     news: Vec<(News, String)>,
-}
-
-/// What has changed since pictures were sent.
-#[derive(Clone, Copy, PartialEq)]
-enum Changes {
-    /// The light map.
-    Light,
-    /// The paint, and the light map with it.
-    Paint,
-    /// What pages show, or how bright.
-    All,
-}
-
-impl Changes {
-    fn reach(self, kind: Kind) -> bool {
-        match kind {
-            Kind::After | Kind::Difference | Kind::Conflict | Kind::LightMap => true,
-            Kind::Target => self != Self::Light,
-            Kind::Before | Kind::Coverage => self == Self::All,
-            // Drawn when it is asked for.
-            Kind::Free => false,
-        }
-    }
-}
-
-/// How far a solve is, as pages know it.
-#[derive(Clone, Copy)]
-struct Standing {
-    phase: Phase,
-    iteration: usize,
-    gradient: f64,
-    met: Option<f64>,
-    at: Duration,
 }
 
 /// How far the preview is.
 #[derive(Clone, Copy, PartialEq)]
 enum State {
-    /// It goes on, with so many iterations next.
+    /// It goes on, after so many iterations.
     Improving(usize),
     /// It is done since then; the full resolution follows when the pen rests.
     Rests(Instant),
@@ -179,7 +100,6 @@ impl Worker {
         }
         let cores = std::thread::available_parallelism().map_or(1, Into::into);
         let few = rayon::ThreadPoolBuilder::new().num_threads(cores.saturating_sub(1).max(1)).build().ok();
-        let now = Instant::now();
         let mut worker = Self {
             palette: palette(&document),
             setting,
@@ -187,33 +107,21 @@ impl Worker {
             rows,
             radiance,
             few,
-            patient: patient_threads(),
             orders,
             waiting: VecDeque::new(),
-            mine,
-            pages,
-            watched: HashMap::new(),
-            exposure: 1.0,
+            errands: Errands::new(mine),
+            screen: Screen::new(pages),
             is_pen_down: false,
-            painted: 0,
             looks_from: 0,
-            state: State::Improving(1),
-            serial: 0,
+            state: State::Improving(0),
             changes: 0,
-            followed: 0,
             readable: 1.0,
             full: None,
-            solving: None,
-            exporting: None,
-            began: now,
-            last_picture: now,
             is_told_of_change: false,
-            is_moved: false,
-            standing: None,
             news,
         };
         worker.readable = worker.readable()?;
-        worker.exposure = worker.readable;
+        worker.screen.exposure = worker.readable;
         Ok(worker)
     }
 
@@ -237,9 +145,8 @@ impl Worker {
                 _ => {}
             }
         }
-        self.solving.iter().chain(&self.exporting).for_each(|stop| {
-            stop.ask();
-        });
+        self.errands.stop_solving();
+        self.errands.stop_exporting();
     }
 
     /// The next order: at once where there is something to do meanwhile.
@@ -271,11 +178,11 @@ impl Worker {
     fn obey(&mut self, order: Order) {
         match order {
             Order::Joined(page) => {
-                self.watched.insert(page, vec![Kind::After]);
+                self.screen.watched.insert(page, vec![Kind::After]);
                 self.greet();
             }
             Order::Left(page) => {
-                self.watched.remove(&page);
+                self.screen.watched.remove(&page);
                 // It may have left in the middle of a stroke.
                 self.is_pen_down = false;
             }
@@ -293,22 +200,20 @@ impl Worker {
 
     fn grant(&mut self, page: u64, wish: Wish) {
         match wish {
-            Wish::Pen { down } => self.is_pen_down = down,
+            Wish::Pen { down } => self.hold(down),
             Wish::Save => self.save(),
             Wish::Export => self.export(),
-            Wish::Cancel => self.exporting.iter().for_each(|stop| {
-                stop.ask();
-            }),
+            Wish::Cancel => self.errands.stop_exporting(),
             Wish::Fit => self.fit(),
             Wish::Exposure { value } if value.is_finite() && value > 0.0 => {
-                self.exposure = value;
+                self.screen.exposure = value;
                 self.show(Changes::All);
             }
             Wish::Exposure { .. } => {
                 self.notice(News::Error, "the exposure must be a number above 0".to_owned())
             }
             Wish::Watch { pictures } => {
-                self.watched.insert(page, pictures);
+                self.screen.watched.insert(page, pictures);
                 self.show(Changes::All);
             }
             Wish::Reach { view, x, y } => self.reach(view, [x, y]),
@@ -317,13 +222,20 @@ impl Worker {
         }
     }
 
+    /// While the pen is down a stroke is about to come: the full resolution would be of the strokes before, and leaves its core to the page.
+    fn hold(&mut self, is_down: bool) {
+        self.is_pen_down = is_down;
+        if is_down && matches!(self.rows.live, Live::LightMap(_)) && self.errands.stop_solving() {
+            self.state = State::Rests(Instant::now());
+        }
+    }
+
     fn tell(&self, told: &Told<'_>) {
-        // Where nobody listens nobody needs to be told.
-        _ = self.pages.send(told.sent());
+        self.screen.tell(told);
     }
 
     fn notice(&self, kind: News, text: String) {
-        self.tell(&Told::Notice { kind, text });
+        self.screen.notice(kind, text);
     }
 
     fn greet(&mut self) {
@@ -333,7 +245,7 @@ impl Worker {
             self.notice(kind, text);
         }
         self.show(Changes::All);
-        self.tell_progress();
+        self.screen.tell_progress(self.full.as_ref());
     }
 
     fn introduce(&self) {
@@ -386,6 +298,10 @@ impl Worker {
         };
         let difference = next.difference(self.document.now());
         let was_wanted = self.rows.live.is_wanted();
+        if difference == Difference::Rows {
+            // Pages hear that something is done before it is.
+            self.progress(Phase::Preview, 0, 1.0, None);
+        }
         let followed = Group::check(&next.groups).and_then(|()| match &difference {
             Difference::Paint(views) => views.iter().try_for_each(|&view| self.repaint(view, &next)),
             Difference::Rows => self
@@ -399,25 +315,30 @@ impl Worker {
                 _ => "that",
             };
             self.notice(News::Error, format!("{what} cannot be: {problem}"));
+            if difference == Difference::Rows {
+                // What was said to begin goes on with what there is.
+                self.state = State::Improving(0);
+            }
             self.introduce();
             self.tell_strokes();
             return;
         }
         if let Difference::Paint(views) = &difference {
-            self.painted = views.first().copied().unwrap_or(self.painted);
+            self.screen.painted = views.first().copied().unwrap_or(self.screen.painted);
         }
         if let Err(error) = self.document.make(change, next) {
             self.notice(News::Error, format!("the journal cannot be written, so save often: {error}"));
         }
-        if !was_wanted && self.rows.live.is_wanted() && matches!(difference, Difference::Paint(_)) {
-            self.place();
-        }
         if difference == Difference::Rows {
-            self.is_moved = true;
+            self.screen.is_moved = true;
             self.introduce();
         }
-        self.begin_again(State::Improving(1));
+        self.begin_again(State::Improving(0));
         self.tell_strokes();
+        if !was_wanted && self.rows.live.is_wanted() && matches!(difference, Difference::Paint(_)) {
+            self.progress(Phase::Preview, 0, 1.0, None);
+            self.place();
+        }
     }
 
     /// Puts the light map where the first paint on a bare scene has its light, unless the scene says where it lies.
@@ -430,7 +351,7 @@ impl Worker {
             _ => Ok(None),
         });
         match fitted {
-            Ok(Some(rows)) => (self.rows, self.is_moved) = (rows, true),
+            Ok(Some(rows)) => (self.rows, self.screen.is_moved) = (rows, true),
             Ok(None) => {}
             Err(error) => self.notice(News::Warning, format!("the light map stays where it is: {error}")),
         }
@@ -459,10 +380,8 @@ impl Worker {
     fn begin_again(&mut self, state: State) {
         self.changes += 1;
         self.full = None;
-        self.solving.take().iter().for_each(|stop| {
-            stop.ask();
-        });
-        self.began = Instant::now();
+        self.errands.stop_solving();
+        self.screen.begin();
         self.state = state;
     }
 
@@ -477,10 +396,10 @@ impl Worker {
                 self.notice(News::Error, error.to_string());
             }
         }
-        self.is_moved = true;
+        self.screen.is_moved = true;
         self.introduce();
-        self.began = Instant::now();
-        self.state = State::Improving(1);
+        self.screen.begin();
+        self.state = State::Improving(0);
     }
 
     fn look_from(&mut self, view: usize, camera: &CameraRecord) {
@@ -491,12 +410,7 @@ impl Worker {
         let camera =
             look_at(origin, target, up).and_then(|to_world| Camera::new(to_world, fov, FovAxis::Y, *preview));
         match camera.and_then(|camera| self.rows.live.picture_from(&camera)) {
-            Ok(seen) => {
-                self.serial += 1;
-                let bytes = rgba_bytes(&seen, self.exposure);
-                let stage = (Stage::Preview, self.serial, self.followed);
-                _ = self.pages.send(picture((Kind::Free, None), stage, seen.size(), &bytes));
-            }
+            Ok(seen) => self.screen.show_free(&seen),
             Err(error) => self.notice(News::Error, error.to_string()),
         }
     }
@@ -508,53 +422,58 @@ impl Worker {
         self.change(&Change::Add { view: Box::new(view) });
     }
 
-    /// Goes on with the preview, and shows what has come of it.
-    fn improve(&mut self, iterations: usize) {
+    /// Goes on with the preview after so many iterations, and shows what comes of it, until it is done or an order has come.
+    fn improve(&mut self, done: usize) {
         if !self.rows.live.is_wanted() {
             return self.show_plain();
         }
-        let live = match &mut self.rows.live {
+        let Self { rows, screen, orders, waiting, few, errands, .. } = self;
+        let (most, light) = (rows.subject.iterations(), rows.subject.radiance());
+        let live = match &mut rows.live {
             Live::LightMap(live) => live,
             Live::Volume(live) => {
                 // From the start, and by another thread.
-                let stop = Stop::default();
-                self.solving = Some(stop.clone());
-                let (job, mine, changes) = (live.job(stop), self.mine.clone(), self.changes);
+                errands.preview(self.changes, |stop| live.job(stop));
                 self.state = State::Still;
-                std::thread::spawn(move || {
-                    // Nobody waits for it where the studio was closed.
-                    _ = mine.send(Order::Previewed(changes, job.solve(&mut Quiet).map(Box::new)));
-                });
                 return;
             }
         };
-        let advanced = match &self.few {
-            Some(few) if self.is_pen_down => few.install(|| live.advance(iterations)),
-            _ => live.advance(iterations),
+        screen.followed = self.changes;
+        let mut is_first = done == 0;
+        let mut each = |moment: &LiveMoment<'_>| {
+            // Of its own alone, so that the closure may go to other threads.
+            let orders = &mut *orders;
+            if !is_first && let Ok(order) = orders.try_recv() {
+                waiting.push_back(order);
+                return Ok(Control::Pause);
+            }
+            if is_first || screen.is_due() {
+                let seen = Seen::LightMap(moment.pictures()?);
+                let changes = changed(screen, std::mem::take(&mut is_first));
+                let met = screen.show(&seen, None, light, changes)?;
+                screen.progress(Phase::Preview, reached(&moment.standing), met, None);
+            }
+            Ok(Control::Continue)
         };
-        let standing = match advanced {
-            Ok(standing) => standing,
+        let mut advance = || live.prepare().and_then(|()| live.watched(most.saturating_sub(done), &mut each));
+        let advanced = match few {
+            Some(few) if self.is_pen_down => few.install(advance),
+            _ => advance(),
+        };
+        match advanced {
+            Ok(standing) if standing.stop == StopReason::Interrupted => {
+                self.state = State::Improving(standing.iterations);
+            }
+            Ok(standing) => {
+                self.state = State::Rests(Instant::now());
+                let changes = changed(&mut self.screen, is_first);
+                let met = self.show(changes);
+                self.screen.progress(Phase::Preview, reached(&standing), met, None);
+            }
             Err(error) => {
                 self.state = State::Still;
                 self.notice(News::Error, error.to_string());
-                return;
             }
-        };
-        self.followed = self.changes;
-        let is_done = standing.stop != crate::solve::StopReason::Iterations
-            || standing.iterations >= self.rows.subject.iterations();
-        self.state =
-            if is_done { State::Rests(Instant::now()) } else { State::Improving((2 * iterations).min(MOST)) };
-        let is_first = standing.iterations <= 1;
-        if is_first || is_done || self.last_picture.elapsed() > APART {
-            let changes = match (std::mem::take(&mut self.is_moved), is_first) {
-                (true, _) => Changes::All,
-                (false, true) => Changes::Paint,
-                (false, false) => Changes::Light,
-            };
-            let met = self.show(changes);
-            let gradient = standing.gradient.iter().copied().fold(0.0, f64::max);
-            self.progress(Phase::Preview, standing.iterations, gradient, met);
         }
     }
 
@@ -564,7 +483,7 @@ impl Worker {
             Live::LightMap(live) => live.begin_anew(),
             Live::Volume(live) => live.show(None),
         }
-        self.followed = self.changes;
+        self.screen.followed = self.changes;
         self.state = State::Still;
         self.show(Changes::Paint);
         self.progress(Phase::NothingPainted, 0, f64::NAN, None);
@@ -576,7 +495,7 @@ impl Worker {
         if changes != self.changes {
             return;
         }
-        self.solving = None;
+        self.errands.solved();
         let found = match found {
             Ok(found) => *found,
             Err(Error::Interrupted) => return,
@@ -586,55 +505,28 @@ impl Worker {
         let iteration = last.map_or(0, |last| last.iteration);
         let gradient = last.map_or(1.0, |last| last.normal_residual.into_iter().fold(0.0, f64::max));
         live.show(Some(found));
-        self.followed = self.changes;
+        self.screen.followed = self.changes;
         self.state = State::Rests(Instant::now());
-        self.is_moved = false;
+        self.screen.is_moved = false;
         let met = self.show(Changes::All);
         self.progress(Phase::Preview, iteration, gradient, met);
     }
 
     fn progress(&mut self, phase: Phase, iteration: usize, gradient: f64, met: Option<f64>) {
-        // JSON knows no NaN.
-        let gradient = if gradient.is_finite() { gradient } else { 1.0 };
-        self.standing = Some(Standing { phase, iteration, gradient, met, at: self.began.elapsed() });
-        self.tell_progress();
-    }
-
-    fn tell_progress(&self) {
-        let Some(Standing { phase, iteration, gradient, met, at }) = self.standing else { return };
-        let remarks = self.full.as_ref().map_or(&[][..], |full| &full.remarks);
-        let details = self.full.as_ref().map_or(&[][..], |full| &full.details);
-        let seconds = at.as_secs_f64();
-        self.tell(&Told::Progress { phase, iteration, gradient, met, seconds, remarks, details });
-    }
-
-    fn watches(&self, kind: Kind) -> bool {
-        self.watched.values().any(|kinds| kinds.contains(&kind))
+        self.screen.progress(phase, (iteration, gradient), met, self.full.as_ref());
     }
 
     /// Sends the pictures that have changed, of those that some page shows; the share of the paint that is met.
     fn show(&mut self, changes: Changes) -> Option<f64> {
-        self.last_picture = Instant::now();
-        match self.shown(changes) {
+        let (light, full) = (self.rows.subject.radiance(), self.full.as_ref());
+        let seen = self.rows.live.seen();
+        match seen.and_then(|seen| self.screen.show(&seen, full, light, changes)) {
             Ok(met) => met,
             Err(error) => {
                 self.notice(News::Error, error.to_string());
                 None
             }
         }
-    }
-
-    fn shown(&mut self, changes: Changes) -> Result<Option<f64>> {
-        let kinds: Vec<Kind> =
-            KINDS.into_iter().filter(|&kind| self.watches(kind) && changes.reach(kind)).collect();
-        let light = self.rows.subject.radiance();
-        let (serial, pages, followed) = (&mut self.serial, &self.pages, self.followed);
-        let mut send = |Shown { kind, view, stage, size, bytes }: Shown| {
-            *serial += 1;
-            _ = pages.send(picture((kind, view), (stage, *serial, followed), size, &bytes));
-        };
-        let live = &mut self.rows.live;
-        previews(live, self.full.as_ref(), (&kinds, self.painted), (light, self.exposure), &mut send)
     }
 
     /// How much pictures are brightened at first: as files are.
@@ -654,7 +546,7 @@ impl Worker {
             let along = [x, y][axis] * preview[axis] as f64 / size[axis] as f64;
             (along.max(0.0) as usize).min(preview[axis] - 1)
         });
-        match tint(&mut self.rows.live, view, at) {
+        match self.rows.live.seen().map(|seen| tint(&seen, view, at)) {
             Ok(color) => self.tell(&Told::Reached { view, x, y, color: hex(color) }),
             Err(error) => self.notice(News::Error, error.to_string()),
         }
@@ -701,27 +593,16 @@ impl Worker {
             Ok(text) => text,
             Err(error) => return self.notice(News::Error, error.to_string()),
         };
-        let stop = Stop::default();
-        self.solving = Some(stop.clone());
-        let (mine, changes) = (self.mine.clone(), self.changes);
-        let (setting, patient) = (self.setting.clone(), self.patient.clone());
         self.progress(Phase::Full, 0, 1.0, None);
-        std::thread::spawn(move || {
-            let find = || setting.job(&text).and_then(|job| Full::of(job, &setting, stop));
-            let found = match &patient {
-                Some(patient) => patient.install(find),
-                None => find(),
-            };
-            // Nobody waits for it where the studio was closed.
-            _ = mine.send(Order::Full(changes, found));
-        });
+        self.errands.full(self.changes, text, &self.setting);
     }
 
     fn take_full(&mut self, changes: u64, found: Result<Full>) {
-        if changes != self.changes {
+        // It was told to stop, and another may be under way.
+        if changes != self.changes || matches!(found, Err(Error::Interrupted)) {
             return;
         }
-        self.solving = None;
+        self.errands.solved();
         match found {
             Ok(full) => {
                 let (iterations, gradient, met) = (full.iterations, full.gradient, full.met);
@@ -729,7 +610,6 @@ impl Worker {
                 self.show(Changes::Light);
                 self.progress(Phase::Done, iterations, gradient, met);
             }
-            Err(Error::Interrupted) => {}
             Err(error) => self.notice(News::Error, error.to_string()),
         }
     }
@@ -747,37 +627,26 @@ impl Worker {
                 return self.notice(News::Error, format!("the light map stays where it is: {error}"));
             }
         }
-        self.is_moved = true;
-        self.begin_again(State::Improving(MOST));
+        self.screen.is_moved = true;
+        self.begin_again(State::Improving(0));
         self.tell_strokes();
         self.notice(News::Done, "the light map lies where painted light comes through".to_owned());
     }
 
     fn export(&mut self) {
-        if self.exporting.is_some() {
+        if self.errands.is_exporting() {
             return;
         }
         let text = match self.document.text(self.radiance, self.rows.live.extent().as_ref()) {
             Ok(text) => text,
             Err(error) => return self.notice(News::Error, error.to_string()),
         };
-        let stop = Stop::default();
-        self.exporting = Some(stop.clone());
-        let (mine, setting) = (self.mine.clone(), self.setting.clone());
         self.tell(&Told::Exporting { text: "begins".to_owned(), part: None, is_running: true });
-        std::thread::spawn(move || {
-            let tells = mine.clone();
-            let hears = move |step: &str, part: Option<f64>| {
-                // Nobody hears where the studio was closed.
-                _ = tells.send(Order::Exporting(step.to_owned(), part));
-            };
-            let written = setting.job(&text).and_then(|job| export(job, &setting, stop, hears));
-            _ = mine.send(Order::Exported(written));
-        });
+        self.errands.export(text, &self.setting);
     }
 
     fn take_export(&mut self, written: Result<PathBuf>) {
-        self.exporting = None;
+        self.errands.exported();
         self.tell(&Told::Exporting { text: String::new(), part: None, is_running: false });
         match written {
             Ok(folder) => self.notice(News::Done, format!("results are in {}", folder.display())),
@@ -785,4 +654,18 @@ impl Worker {
             Err(error) => self.notice(News::Error, format!("not exported: {error}")),
         }
     }
+}
+
+/// What pages have not seen yet, with the first picture since a change or a later one.
+fn changed(screen: &mut Screen, is_first: bool) -> Changes {
+    match (std::mem::take(&mut screen.is_moved), is_first) {
+        (true, _) => Changes::All,
+        (false, true) => Changes::Paint,
+        (false, false) => Changes::Light,
+    }
+}
+
+/// Iterations, and the largest gradient of a channel.
+fn reached(standing: &Standing) -> (usize, f64) {
+    (standing.iterations, standing.gradient.iter().copied().fold(0.0, f64::max))
 }

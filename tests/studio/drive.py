@@ -138,6 +138,15 @@ def fly(page):
     page.wait_for_timeout(300)
 
 
+def picture_drawn(page):
+    """What is on the canvas of pictures, in short."""
+    return page.evaluate("""() => {
+        const canvas = document.getElementById('picture-canvas');
+        const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+        return data.reduce((sum, value, index) => (sum * 31 + value * (index % 97)) % 1000003, 7);
+    }""")
+
+
 def shown(page):
     """What the page has of the first view under the light map."""
     return page.evaluate("""() => {
@@ -273,7 +282,26 @@ def main():
         page.click("#numbers")
         until(page, "() => document.querySelector('#details').textContent.includes('Certificate')")
         shot("light")
+        # What is over the picture is closed by a press beside it, which paints nothing, and by the keyboard.
+        strokes = count(page)
+        place = page.evaluate("window.studio.toScreen(320, 100)")
+        page.mouse.click(place["x"], place["y"])
+        assert page.evaluate("document.querySelector(':popover-open') === null"), "a press does not close the sheet"
+        page.click("#numbers")
         page.keyboard.press("Escape")
+        assert page.evaluate("document.querySelector(':popover-open') === null"), "Escape does not close the sheet"
+        page.wait_for_timeout(300)
+        assert count(page) == strokes, "a press that closes a sheet paints"
+
+        # The wipe takes the picture along.
+        page.keyboard.press("w")
+        page.wait_for_timeout(200)
+        seen = picture_drawn(page)
+        for _ in range(15):
+            page.keyboard.press("ArrowRight")
+        page.wait_for_timeout(200)
+        assert picture_drawn(page) != seen, "the picture does not follow the wipe"
+        page.keyboard.press("w")
 
         # Another eye, that stays.
         views = page.evaluate("window.studio.state.views.length")

@@ -5,7 +5,7 @@ use unscatter::job::{
     Iteration, Job, LiveJob, Observer, Options, Preview, Quiet, Scenes, Solution, Step, Stop, Wish,
 };
 use unscatter::scene::{Scene, Stroke};
-use unscatter::solve::StopReason;
+use unscatter::solve::{Control, StopReason};
 
 use crate::root;
 
@@ -169,6 +169,31 @@ fn what_goes_on_without_a_change_is_one_solve_to_the_bit() {
     let rest = pieces.advance(5).unwrap();
     assert_eq!((all.iterations, all.applications), (rest.iterations, rest.applications));
     assert_eq!(whole.light_map().unwrap().pixels, pieces.light_map().unwrap().pixels);
+}
+
+#[test]
+fn who_watches_a_live_job_sees_the_light_map_between_iterations() {
+    let (mut watched, mut whole) = (live(120, "0"), live(120, "0"));
+    watched.prepare().unwrap();
+    let mut seen = Vec::new();
+    let paused = watched.watched(9, &mut |moment| {
+        let pictures = moment.pictures()?;
+        seen.push((moment.standing.clone(), pictures.light_map()?, pictures.after(0)));
+        Ok(if seen.len() == 4 { Control::Pause } else { Control::Continue })
+    });
+    let paused = paused.unwrap();
+    assert_eq!((paused.stop, paused.iterations, seen.len()), (StopReason::Interrupted, 4, 4));
+    // FISTA computes what it says; the certificate differs by rounding.
+    let cut = whole.advance(4).unwrap();
+    for c in 0..3 {
+        assert!((paused.gradient[c] / cut.gradient[c] - 1.0).abs() < 1e-3, "{paused:?} and {cut:?}");
+    }
+    let (standing, light_map, after) = &seen[3];
+    assert_eq!((standing.iterations, standing.gradient), (paused.iterations, paused.gradient));
+    assert_eq!(light_map.pixels, whole.light_map().unwrap().pixels);
+    assert_eq!(after.pixels, whole.pictures().unwrap().after(0).pixels);
+    assert_ne!(light_map.pixels, seen[0].1.pixels);
+    assert_eq!(watched.advance(5).unwrap(), whole.advance(5).unwrap());
 }
 
 #[test]

@@ -77,7 +77,7 @@ impl Question {
         let size = [elements];
         let formulation = Formulation {
             held_out: None,
-            targets: &self.targets,
+            targets: (&self.targets).into(),
             weights: self.weights.as_slice().into(),
             wanted: self.wanted(),
             parts: vec![Part {

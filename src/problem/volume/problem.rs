@@ -329,7 +329,7 @@ impl Problem for VolumeProblem {
             scale: 0,
         });
         Ok(Formulation {
-            targets: &self.targets,
+            targets: (&self.targets).into(),
             weights: (&self.weights).into(),
             wanted: self.wanted,
             parts: parts.collect(),

@@ -202,7 +202,7 @@ export function watchStage(container, canvases) {
   resize();
 }
 
-listen('camera scene seeing view theme free', redraw);
+listen('camera scene seeing view theme free wipe', redraw);
 listen('picture', ({ kind }) => {
   if (kind !== 'light_map') redraw();
 });

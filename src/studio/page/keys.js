@@ -6,7 +6,7 @@ import {
 } from './actions.js';
 import { zoomBy } from './camera.js';
 import * as free from './free.js';
-import { cancelGesture } from './pointer.js';
+import { cancelGesture, closeSheet } from './pointer.js';
 import { hardnessOf } from './strokes.js';
 
 const canvas = document.getElementById('view-canvas');
@@ -86,7 +86,7 @@ const staysFree = (name) => /^(ctrl\+.+|[1-9]|f6|\?|l)$/.test(name);
 const runFor = (name) => (state.free ? freeRuns.get(name) ?? (staysFree(name) && runs.get(name)) : runs.get(name));
 
 function leave() {
-  if (!cancelGesture()) select(null);
+  if (!closeSheet() && !cancelGesture()) select(null);
 }
 
 function stepWipe(step) {

@@ -61,7 +61,7 @@ function drawMarksOf(place) {
     for (const stroke of (state.strokes[view] ?? []).filter(isShown)) drawOutline(marks, stroke, place, { color: lineColor(stroke) });
   }
   for (const entry of state.pending) {
-    if (entry.view === view) drawOutline(marks, entry.stroke, place, { color: lineColor(entry.stroke), strength: 0.6 });
+    if (entry.view === view) drawPaint(marks, entry.stroke, place);
   }
   if (state.selection?.view === view && !state.draft) drawSelected(marks, selectedStroke(), place);
 }

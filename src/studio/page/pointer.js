@@ -93,7 +93,15 @@ function reach({ view, ...place }, point) {
   send({ type: 'reach', view, x, y });
 }
 
+export function closeSheet() {
+  const open = document.querySelector(':popover-open');
+  open?.hidePopover();
+  return open !== null;
+}
+
 function begin(event) {
+  // A press beside an open sheet closes it and does nothing else.
+  if (closeSheet()) return;
   const point = pointOf(event);
   const place = paneAt(point);
   canvas.focus({ preventScroll: true });

@@ -10,6 +10,7 @@ const status = byId('status');
 const curve = byId('curve');
 const CURVE = { width: 120, height: 20 };
 const MOST_POINTS = 600;
+const MOSTLY = 0.8; // of the paint
 
 let gradients = []; // of the last solve
 let last = null;
@@ -34,6 +35,7 @@ function phaseText() {
     return state.socket === 'connecting' ? 'Connecting…' : `Waiting${kept}`;
   }
   if (!state.progress) return 'Starting…';
+  if (state.pending.length > 0) return 'Working…';
   return WORDS[state.progress.phase]?.(state.progress) ?? state.progress.phase;
 }
 
@@ -41,7 +43,15 @@ function showPhase() {
   byId('phase').textContent = phaseText();
   status.dataset.phase = state.progress?.phase ?? '';
   status.dataset.met = state.progress?.met ?? '';
-  byId('lamp').dataset.state = state.socket === 'open' ? status.dataset.phase : 'closed';
+  byId('lamp').dataset.state = lampState();
+}
+
+// Green is for paint that is met.
+function lampState() {
+  if (state.socket !== 'open') return 'closed';
+  if (state.pending.length > 0) return 'preview';
+  const { phase = '', met: share } = state.progress ?? {};
+  return phase === 'done' && share < MOSTLY ? 'partly' : phase;
 }
 
 function numbersText({ phase, iteration, gradient }) {
@@ -108,6 +118,7 @@ function showRemarks() {
   const button = byId('remarks');
   button.hidden = remarks.length === 0;
   button.textContent = remarks.length === 1 ? '1 remark' : `${remarks.length} remarks`;
+  if (remarks.length === 0 && byId('remarks-list').matches(':popover-open')) byId('remarks-list').hidePopover();
   byId('remarks-list').replaceChildren(...remarks.map((text) => element('p', '', text)));
 }
 
@@ -126,9 +137,7 @@ export function watchStatus() {
   listen('progress', showDetails);
   listen('socket', showSocket);
   listen('exporting', showExport);
-  listen('marks', () => {
-    if (state.socket === 'closed') showPhase();
-  });
+  listen('marks picture', showPhase);
   listen('camera scene seeing view', showZoom);
   listen('theme', drawCurve);
   showPhase();

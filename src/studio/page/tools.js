@@ -137,7 +137,7 @@ function showHint() {
   const file = state.scene?.path?.split(/[/\\]/).at(-1);
   byId('hint-what').textContent = state.scene?.is_volume
     ? 'Choose a colour and paint on the volume. It follows when you lift the pen.'
-    : 'Choose a colour and paint on a light shaft. White asks for the light as it is.';
+    : 'Choose a colour and paint on a light shaft: the slide in front of the sun is coloured so that it looks like that. White asks for the light as it is.';
   byId('hint-save').textContent = state.scene?.is_new ? ` Save makes the scene file ${file}.` : '';
 }
 
