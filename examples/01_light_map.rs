@@ -10,8 +10,8 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3};
 use unscatter::job::{Job, Quiet};
 use unscatter::scene::{
-    Camera, DirectionalLight, FovAxis, MapSettings, Medium, Mesh, Opacity, Primitive, Scene, SolveSettings,
-    Stroke, Target, View, look_at,
+    Camera, DirectionalLight, FovAxis, Looks, MapSettings, Medium, Mesh, Opacity, Primitive, Scene,
+    SolveSettings, Stroke, Target, View, look_at,
 };
 
 /// A barn: a floor, three walls, and a roof of slats.
@@ -67,6 +67,7 @@ fn scene() -> unscatter::Result<Scene> {
         mesh: barn()?.into(),
         ambient: [0.02; 3],
         surroundings: None,
+        looks: Looks::default(),
         views: vec![view],
         // Without an extent a map is fitted to what is seen.
         light_map: MapSettings::new([128, 128]),

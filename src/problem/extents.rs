@@ -5,8 +5,8 @@ use super::sight::{Sight, grid, occluded, seen_and_occluded};
 use super::sky::sky_beams;
 use super::surfaces::lengths;
 use super::{Constraint, SkyBeam, Surfaces, Traced};
-use crate::scene::{Grid, LightFrame, MapFit, MapSettings, Scene};
-use crate::visibility::{Geometry, ShadowMap};
+use crate::scene::{Grid, LightFrame, Looks, MapFit, MapSettings, OccluderEditKind, Scene};
+use crate::visibility::{Geometry, ShadowMap, edited};
 use crate::{Error, Result};
 
 /// Where light map and shadow map lie, the shadow map itself, and the geometry that it is a map of.
@@ -46,6 +46,11 @@ fn painted(scene: &Scene, geometry: &Geometry) -> Result<(Vec<Constraint>, Vec<f
     Ok((constraints, lengths))
 }
 
+/// Whether something casts shadows where there is no geometry.
+fn extrudes(looks: &Looks) -> bool {
+    looks.occluders.iter().any(|edit| matches!(edit.kind, OccluderEditKind::Extrude { .. }))
+}
+
 /// The maps of constraints whose rays have these lengths, in metres.
 pub(super) fn fit_to(
     scene: &Scene,
@@ -60,9 +65,14 @@ pub(super) fn fit_to(
     let painted = Sight::of_painted(scene, constraints, lengths);
     let sight = Sight::of_views(scene, geometry).and(&painted);
     let seen = sight.over(&frame);
-    let grid = grid(&scene.shadow_map, || seen_and_occluded(seen, occluded))?;
+    let grid = grid(&scene.shadow_map, || match extrudes(&scene.looks) {
+        false => seen_and_occluded(seen, occluded),
+        true => seen,
+    })?;
     let shadow_map = match occluded.has_area() {
-        true => surfaces.shadow_map(geometry, &frame, grid)?,
+        true => {
+            edited(surfaces.shadow_map(geometry, &frame, grid)?, geometry, &frame, &scene.looks.occluders)?
+        }
         false => ShadowMap::open(grid),
     };
     let light_map = super::sight::grid(light_map, || {

@@ -13,6 +13,7 @@ mod image;
 mod lens;
 mod light;
 mod light_basis;
+mod looks;
 mod medium;
 mod mesh;
 mod primitive;
@@ -38,6 +39,7 @@ pub use image::{Image, RgbaImage};
 pub use lens::{Lens, Projection};
 pub use light::{DirectionalLight, LightFrame};
 pub use light_basis::{BasisLight, LightBasis, Over};
+pub use looks::{HoleNoise, Holes, Kernel, Looks, OccluderEdit, OccluderEditKind, Radius, Sway};
 pub use medium::{Medium, henyey_greenstein};
 pub use mesh::{AlphaMask, Material, Mesh, Object};
 pub use primitive::Primitive;
@@ -92,6 +94,8 @@ pub struct Scene {
     pub surroundings: Option<Surroundings>,
     /// Cameras and what is painted on their pictures.
     pub views: Vec<View>,
+    /// How shafts are bent beyond what is physical.
+    pub looks: Looks,
     /// Resolution, extent and basis of the light map.
     pub light_map: MapSettings,
     /// Resolution and extent of the shadow map.

@@ -147,6 +147,14 @@ impl Geometry {
         Some(self.hit_at(ray, distance, triangle))
     }
 
+    /// How far the first solid surface is that is on no triangle of some.
+    pub fn first_hit_but(&self, ray: &Ray, limit: f64, is_passed: impl Fn(usize) -> bool) -> Option<f64> {
+        let hierarchy = self.solid.as_ref()?;
+        let hit =
+            hierarchy.first(ray, limit, |index, weights| !is_passed(index) && self.is_solid(index, weights));
+        hit.map(|(distance, _)| distance)
+    }
+
     /// The panes after the origin and before `limit` metres, in the order in which the ray meets them. The two sides of a body are one
     /// pane, where the ray meets the first of them: a window that is a flat box colours light as one that is a rectangle.
     pub fn panes(&self, ray: &Ray, limit: f64) -> Vec<Pane> {

@@ -4,10 +4,12 @@
 //! it.
 
 mod build;
+mod edits;
 mod geometry;
 mod hierarchy;
 mod shadow_map;
 mod triangle;
 
+pub use edits::edited;
 pub use geometry::{Geometry, Hit, Pane};
 pub use shadow_map::{Behind, PaneDepth, ShadowMap};

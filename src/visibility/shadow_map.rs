@@ -171,23 +171,42 @@ impl ShadowMap {
             // All of it lies in the plane through the origin: any length will do.
             nearest - if before > 0.0 { before } else { 1.0 }
         });
-        let direction = frame.world_from_light(glam::DVec3::Z);
-        let ray = |index: usize| {
-            let on_plane = grid.centre(index % grid.size[0], index / grid.size[0]);
-            Ray { origin: frame.world_from_light(on_plane.extend(start)), direction }
-        };
+        let ray =
+            |index: usize| Self::ray(frame, grid.centre(index % grid.size[0], index / grid.size[0]), start);
         let depth = |index| distance(index, &ray(index)).map_or(f32::INFINITY, |distance| distance as f32);
         let depths: Vec<f32> = (0..grid.len()).into_par_iter().map(depth).collect();
-        let map = Self::new(grid, start, &depths)?;
+        Self::new(grid, start, &depths)?.with_panes_of(geometry, frame)
+    }
+
+    /// The ray of the light through a place of its plane, from a depth on.
+    pub(super) fn ray(frame: &LightFrame, on_plane: DVec2, depth: f64) -> Ray {
+        let direction = frame.world_from_light(glam::DVec3::Z);
+        Ray { origin: frame.world_from_light(on_plane.extend(depth)), direction }
+    }
+
+    /// The same map, with the panes of a scene before its solid surfaces.
+    ///
+    /// Errors: as [`ShadowMap::new`].
+    pub(super) fn with_panes_of(self, geometry: &Geometry, frame: &LightFrame) -> Result<Self> {
         if !geometry.has_panes() {
-            return Ok(map);
+            return Ok(self);
         }
+        let width = self.grid.size[0];
         let panes = |index: usize| {
-            let panes = geometry.panes(&ray(index), f64::from(depths[index]));
+            let (i, j) = (index % width, index / width);
+            let ray = Self::ray(frame, self.grid.centre(i, j), self.depth_origin);
+            let panes = geometry.panes(&ray, f64::from(self.depth(i, j)));
             let depth = |pane: &Pane| PaneDepth { depth: pane.distance as f32, passes: pane.transmittance };
             (!panes.is_empty()).then(|| (index, panes.iter().map(depth).collect()))
         };
-        map.with_panes((0..grid.len()).into_par_iter().filter_map(panes).collect())
+        let panes = (0..self.grid.len()).into_par_iter().filter_map(panes).collect();
+        self.with_panes(panes)
+    }
+
+    /// Depths of the first solid surfaces, row by row.
+    pub(super) fn solid_depths(&self) -> Vec<f32> {
+        let solid = self.behind().map_or(self, Behind::solid);
+        solid.levels[0].ranges.iter().map(|range| range[0]).collect()
     }
 
     /// A map through which light passes where `passes` is true, whatever the depth, and nowhere else.

@@ -21,6 +21,7 @@ mod gpu;
 mod job;
 mod layers;
 mod licences;
+mod looks;
 mod mutation;
 mod operator;
 mod problems;

@@ -14,6 +14,7 @@ use super::defaults::Defaults;
 use super::exposure::Exposure;
 use super::flaw::{At, Built, Flaw};
 use super::light::Light;
+use super::looks::Looks;
 use super::map::{LightMap, ShadowMap};
 use super::medium::Medium;
 use super::occluder::{Occluder, mesh_of};
@@ -71,6 +72,10 @@ pub struct Document {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(!skip_serializing_if)]
     pub groups: Vec<Group>,
+    /// How shafts are bent beyond what is physical.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
+    pub looks: Looks,
     /// The light map that is looked for.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
@@ -141,6 +146,7 @@ impl Document {
             occluders: Vec::new(),
             views,
             groups: Vec::new(),
+            looks: Looks::default(),
             light_map: LightMap::default(),
             shadow_map: ShadowMap::default(),
             target: Target::default(),
@@ -172,6 +178,7 @@ impl Document {
         let surroundings = surroundings.map(|it| it.build(&assets).at("surroundings")).transpose()?;
         let views = self.build_views(&mut assets)?;
         let mesh = mesh_of(&self.occluders, &mut assets)?;
+        let looks = self.looks.build(&views, &mesh).at("looks")?;
         Ok(Scene {
             name: self.name.clone().unwrap_or_else(|| stem(file)),
             light,
@@ -181,6 +188,7 @@ impl Document {
             ambient,
             surroundings,
             views,
+            looks,
             light_map,
             shadow_map,
             target: self.target.into(),

@@ -91,7 +91,7 @@ fn translated(words: &str) -> String {
 }
 
 /// The valid name that is most similar to the given one, when it is similar at all.
-fn nearest(name: &str, valid: &[&str]) -> Option<String> {
+pub(super) fn nearest(name: &str, valid: &[&str]) -> Option<String> {
     let simple = |text: &str| text.chars().take(64).filter(|c| c.is_alphanumeric()).collect::<String>();
     let name = simple(name).to_lowercase();
     let similarity = |candidate: &&str| strsim::jaro_winkler(&name, &simple(candidate));

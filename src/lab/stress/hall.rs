@@ -6,7 +6,7 @@ use super::rows::WorldPlace;
 use crate::Result;
 use crate::problem::LightMapProblem;
 use crate::scene::{
-    Camera, DirectionalLight, FovAxis, MapFit, MapSettings, Medium, Mesh, Opacity, Primitive, Scene,
+    Camera, DirectionalLight, FovAxis, Looks, MapFit, MapSettings, Medium, Mesh, Opacity, Primitive, Scene,
     SolveSettings, Stroke, Target, View, look_at,
 };
 
@@ -52,6 +52,7 @@ pub(super) fn hall(of: &Hall) -> Result<Scene> {
         mesh: mesh.into(),
         ambient: [0.0; 3],
         surroundings: None,
+        looks: Looks::default(),
         views: vec![
             view("hall", [1.5, 1.7, 9.5], [0.5, 2.6, 0.0], &place)?,
             view("side", [-5.5, 2.0, 3.0], [1.0, 2.4, -1.0], &place)?,

@@ -33,6 +33,9 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     // Fitted to the scene.
     ("LightMap", &["extent", "size"]),
     ("ShadowMap", &["extent"]),
+    // One of two, and only lines go towards a view.
+    ("Fill", &["length", "view"]),
+    ("Extrude", &["texels"]),
     // No limits; what follows from the medium of a painted volume; and the memory of the machine.
     ("Solve", &["seconds", "noise", "upper", "tikhonov", "gradient", "fade", "memory"]),
     ("Surroundings", &["environment"]),
@@ -83,6 +86,9 @@ const LIGHT_MAP: &str = r##"{
     { "name": "photo", "camera": { "to_world": {}, "lens": { "focal_length": [60, 58], "k1": -0.1 }, "size": [64, 48] } }
   ],
   "groups": [{ "name": "warm" }],
+  "looks": { "occluders": [
+    { "fill": { "texels": 2 } }, { "extrude": { "view": "front", "length": 0.5 } }, { "pierce": { "size": 0.2, "sway": { "turn": 30 } } }
+  ] },
   "light_map": { "extent": { "min": [-2, -1], "max": [2, 1] } },
   "solve": { "quadrature": { "march": { "steps": 64 } } }
 }"##;

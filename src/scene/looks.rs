@@ -1,0 +1,203 @@
+use glam::{DVec2, DVec3};
+
+/// How single scattering is bent beyond what is physical (Kol et al. 2017, sec. 4).
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Looks {
+    /// Edits of what casts shadows in the air, one after the other. Surfaces keep the shadows that they have.
+    pub occluders: Vec<OccluderEdit>,
+}
+
+/// An edit of a shadow map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OccluderEdit {
+    /// What it does.
+    pub kind: OccluderEditKind,
+    /// How far depths go towards the edited ones, from 0 to 1.
+    pub strength: f64,
+}
+
+/// What an edit of a shadow map does.
+#[derive(Debug, Clone, PartialEq)]
+pub enum OccluderEditKind {
+    /// Closes holes that are narrower than the kernel: dilation by the least, then erosion by the largest depth.
+    Fill(Kernel, Radius),
+    /// Extrudes what casts shadows along the view rays of an eye, away from it, where it is hidden behind what the eye sees (eq. 3).
+    Extrude {
+        /// The eye, in world space.
+        eye: DVec3,
+        /// How far, along the shadow map.
+        radius: Radius,
+    },
+    /// Makes holes.
+    Pierce(Holes),
+}
+
+/// Which texels are the neighbours of one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Kernel {
+    /// Those in a disc.
+    Disc,
+    /// Those in a square.
+    Square,
+    /// Those towards an eye, in world space: depths follow its view rays, as in eq. 3, so that what is filled is hidden behind what it sees.
+    Lines(DVec3),
+}
+
+/// How far a kernel reaches from its middle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Radius {
+    /// In texels of the shadow map.
+    Texels(f64),
+    /// In metres.
+    Metres(f64),
+}
+
+/// Holes where noise is below a threshold.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Holes {
+    /// Which triangles have them.
+    pub pierced: Vec<bool>,
+    /// What makes them, over the plane that light passes perpendicularly.
+    pub noise: HoleNoise,
+    /// Noise below it is a hole: h.
+    pub threshold: f64,
+    /// A second lookup that moves them about; none where they stand still.
+    pub sway: Option<Sway>,
+}
+
+/// Octaves of Perlin's noise over a plane (eq. 5).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HoleNoise {
+    /// The side of a cell of the first octave in metres: 1 / (g f).
+    pub size: f64,
+    /// o.
+    pub octaves: u32,
+    /// The factor from one octave to the next, whose cells have half the side: p.
+    pub persistence: f64,
+    /// Other numbers give other noise.
+    pub seed: u32,
+}
+
+/// How the noise of turned places moves others (sec. 4.1, animated holes).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sway {
+    /// By how much places are turned about the origin before the first lookup, in radians: the time.
+    pub turn: f64,
+    /// How far the noise found there moves the second lookup, in cells.
+    pub amount: f64,
+}
+
+/// Places a side at which thresholds are found.
+const SAMPLED: usize = 256;
+
+impl HoleNoise {
+    /// N at a place in metres: Σᵢ pⁱ P(2ⁱ q) / max(1, o − i − 1), q in cells.
+    pub fn at(&self, place: DVec2) -> f64 {
+        self.at_cells(place / self.size)
+    }
+
+    fn at_cells(&self, q: DVec2) -> f64 {
+        let octave = |i: u32| {
+            let share =
+                self.persistence.powi(i as i32) / f64::from(self.octaves.saturating_sub(i + 1).max(1));
+            share * gradient_noise(q * f64::from(i).exp2(), self.seed.wrapping_add(i))
+        };
+        (0..self.octaves).map(octave).sum()
+    }
+
+    /// The threshold below which the noise is on a share of the plane.
+    pub fn threshold(&self, share: f64) -> f64 {
+        // Places of an irrational lattice, which meets all parts of cells alike.
+        let place = |index: usize| {
+            let [i, j] = [index % SAMPLED, index / SAMPLED].map(|i| i as f64);
+            DVec2::new(i * 0.618_033_988_75, j * 0.754_877_666_25)
+        };
+        let mut values: Vec<f64> = (0..SAMPLED * SAMPLED).map(|index| self.at_cells(place(index))).collect();
+        values.sort_by(f64::total_cmp);
+        let below = (share.clamp(0.0, 1.0) * values.len() as f64).round() as usize;
+        match below {
+            0 => f64::NEG_INFINITY,
+            below if below == values.len() => f64::INFINITY,
+            below => 0.5 * (values[below - 1] + values[below]),
+        }
+    }
+}
+
+impl Holes {
+    /// Whether there is a hole at a place of the light's plane, in metres (eq. 4).
+    pub fn is_hole(&self, place: DVec2) -> bool {
+        let q = place / self.noise.size;
+        let q = self.sway.map_or(q, |Sway { turn, amount }| {
+            let turned = DVec2::from_angle(turn).rotate(q);
+            q + amount * self.noise.at_cells(turned) * DVec2::from_angle(turn)
+        });
+        self.noise.at_cells(q) < self.threshold
+    }
+}
+
+/// Perlin's gradient noise over a plane (1985, with the fade of 2002), with hashed gradients of length √2.
+fn gradient_noise(p: DVec2, seed: u32) -> f64 {
+    let cell = p.floor();
+    let f = p - cell;
+    let fade = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
+    let corner = |i: f64, j: f64| gradient(cell + DVec2::new(i, j), seed).dot(f - DVec2::new(i, j));
+    let along = |j: f64| (1.0 - fade.x) * corner(0.0, j) + fade.x * corner(1.0, j);
+    (1.0 - fade.y) * along(0.0) + fade.y * along(1.0)
+}
+
+/// One of eight directions, by a hash of the lattice point.
+fn gradient(point: DVec2, seed: u32) -> DVec2 {
+    let mut hash = seed.wrapping_mul(0x9e37_79b9) ^ 0x85eb_ca6b;
+    for axis in 0..2 {
+        // Lattice points are whole; of huge ones the low bits are enough.
+        hash ^= point[axis] as i64 as u32;
+        hash = hash.wrapping_mul(0xcc9e_2d51);
+        hash ^= hash >> 15;
+    }
+    hash = hash.wrapping_mul(0x1b87_3593);
+    hash ^= hash >> 13;
+    std::f64::consts::SQRT_2 * DVec2::from_angle(f64::from(hash >> 8 & 7) * std::f64::consts::FRAC_PI_4)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(octaves: u32) -> HoleNoise {
+        HoleNoise { size: 0.5, octaves, persistence: 0.5, seed: 7 }
+    }
+
+    #[test]
+    fn octaves_add_up_as_equation_5_says() {
+        let place = DVec2::new(1.37, -2.11);
+        let one = |i: i32| gradient_noise(place / 0.5 * f64::from(1 << i), 7 + i as u32);
+        let by_hand =
+            one(0) / 4.0 + 0.5 * one(1) / 3.0 + 0.25 * one(2) / 2.0 + 0.125 * one(3) + 0.0625 * one(4);
+        assert!((noise(5).at(place) - by_hand).abs() < 1e-15);
+        assert_eq!(noise(1).at(place), one(0));
+        // Nothing at the points of the lattice, and no jump from cell to cell.
+        assert_eq!(gradient_noise(DVec2::new(3.0, -8.0), 1), 0.0);
+        for x in [-2.0, 0.0, 5.0] {
+            let [below, above] = [x - 1e-9, x + 1e-9].map(|x| gradient_noise(DVec2::new(x, 0.3), 1));
+            assert!((below - above).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn holes_cover_the_share_that_is_asked_for() {
+        for (octaves, share) in [(1, 0.2), (3, 0.5), (5, 0.8)] {
+            let noise = noise(octaves);
+            let holes = |sway| Holes { pierced: Vec::new(), noise, threshold: noise.threshold(share), sway };
+            let moved = Sway { turn: 0.7, amount: 0.8 };
+            for (holes, bound) in [(holes(None), 0.01), (holes(Some(moved)), 0.1)] {
+                let side = 500;
+                let is_hole =
+                    |k: usize| holes.is_hole(DVec2::new((k % side) as f64, (k / side) as f64) * 0.171);
+                let found = (0..side * side).filter(|&k| is_hole(k)).count() as f64 / (side * side) as f64;
+                assert!((found - share).abs() < bound, "{octaves} octaves, {share}: {found}");
+            }
+        }
+        assert_eq!(noise(3).threshold(0.0), f64::NEG_INFINITY);
+        assert_eq!(noise(3).threshold(1.0), f64::INFINITY);
+    }
+}

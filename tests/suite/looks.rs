@@ -1,0 +1,208 @@
+//! Edits of what casts shadows: pictures and solves see them, surfaces do not.
+
+use std::sync::Arc;
+
+use unscatter::Error;
+use unscatter::operator::{CpuVector, FromHost, LinearOperator, TransportOperator, adjoint_test};
+use unscatter::problem::{LightMapProblem, Maps, Problem, fit, render};
+use unscatter::scene::{OccluderEditKind, Rgb, Scene, Strategy};
+use unscatter::visibility::Geometry;
+
+/// Two halves of a roof with a slit of a fifth of a metre between them, a board beside them, and a black floor but for a white strip.
+const SCENE: &str = r##"{
+    "version": 1,
+    "light": {"direction": [0, -1, 0], "radiance": 3},
+    "medium": {"sigma_t": 0.05},
+    "ambient": 0,
+    "occluders": [
+        {"box": {"center": [-1.6, 4, 0], "size": [3, 0.1, 4]}},
+        {"box": {"center": [1.6, 4, 0], "size": [3, 0.1, 4]}},
+        {"plane": {"center": [0, 0, 0], "sides": [[0, 0, 20], [20, 0, 0]], "albedo": 0.5}}
+    ],
+    "views": [{
+        "name": "front",
+        "camera": {"to_world": {"look_at": {"origin": [0.05, 1.5, 7], "target": [0, 1.8, 0]}}, "fov": 40, "size": [48, 48]},
+        "strokes": [{"points": [[24, 8], [24, 40]], "radius": 9, "color": "#ff4020"}]
+    }],
+    "light_map": {"size": 64, "extent": {"min": [-3, -3], "max": [3, 3]}, "gobo": false},
+    "shadow_map": {"size": 300, "extent": {"min": [-3, -3], "max": [3, 3]}},
+    "looks": LOOKS
+}"##;
+
+fn loaded(looks: &str) -> unscatter::Result<Scene> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.json");
+    std::fs::write(&path, SCENE.replace("LOOKS", looks)).unwrap();
+    unscatter::io::scene_file::load(&path, &[])
+}
+
+fn scene(looks: &str) -> Scene {
+    loaded(looks).unwrap()
+}
+
+fn maps(scene: &Scene) -> Maps {
+    fit(scene, &scene.light_map, &Arc::new(Geometry::new(scene.mesh.clone()).unwrap())).unwrap()
+}
+
+/// How much light there is in the air below the roof, and at one place of it: shares of the places asked.
+fn lit(scene: &Scene, x: [f64; 2], height: f64) -> f64 {
+    let maps = maps(scene);
+    let count = 2000;
+    let is_lit = |k: usize| {
+        let at = |side: usize, k: usize| (k as f64 * [0.618_033_988_7, 0.754_877_666_2][side]).fract();
+        let place = glam::DVec3::new(x[0] + (x[1] - x[0]) * at(0, k), height, 3.8 * at(1, k) - 1.9);
+        maps.shadow_map.is_lit(maps.frame.light_from_world(place))
+    };
+    (0..count).filter(|&k| is_lit(k)).count() as f64 / f64::from(count as u32)
+}
+
+const SLIT: [f64; 2] = [-0.09, 0.09];
+
+#[test]
+fn holes_are_filled_in_the_air_and_surfaces_stay_lit() {
+    let plain = scene("{}");
+    assert_eq!((lit(&plain, SLIT, 2.0), lit(&plain, [0.2, 3.0], 2.0)), (1.0, 0.0));
+    // The slit is ten texels wide.
+    for (fill, is_filled) in [
+        (r#"{"texels": 3}"#, false),
+        (r#"{"texels": 7}"#, true),
+        (r#"{"length": 0.14, "kernel": "square"}"#, true),
+        (r#"{"length": 0.06, "kernel": "square"}"#, false),
+        (r#"{"texels": 7, "strength": 0}"#, false),
+    ] {
+        let filled = scene(&format!(r#"{{"occluders": [{{"fill": {fill}}}]}}"#));
+        assert_eq!(lit(&filled, SLIT, 2.0), f64::from(u8::from(!is_filled)), "{fill}");
+        // What has no hole around it is as it was.
+        assert_eq!(lit(&filled, [0.2, 3.0], 2.0), 0.0);
+        assert_eq!(lit(&filled, [-2.9, 2.9], 4.5), 1.0);
+        let [was, is] = [&plain, &filled].map(|scene| render(scene, &maps(scene), None, 0).unwrap().before);
+        // In the middle of the picture there is air before a dark floor, at its lower end the strip that the slit lights.
+        let strip = (38..47).max_by(|&a, &b| was.at(24, a)[0].total_cmp(&was.at(24, b)[0])).unwrap();
+        assert!(was.at(24, strip)[0] > 0.3, "{:?}", was.at(24, strip));
+        assert!(is.at(24, strip)[0] > 0.8 * was.at(24, strip)[0], "{fill}: surfaces keep their light");
+        // The view looks through lit air before the roof, too.
+        let [was, is] = [was, is].map(|picture| picture.at(24, 12)[0]);
+        assert_eq!(is < 0.98 * was, is_filled, "{fill}: {was} and {is}");
+    }
+    // Half of the way: the shaft ends between the roof and the floor.
+    let half = scene(r#"{"occluders": [{"fill": {"texels": 7, "strength": 0.5}}]}"#);
+    assert_eq!((lit(&half, SLIT, 3.0), lit(&half, SLIT, 1.0)), (1.0, 0.0));
+}
+
+#[test]
+fn what_is_extruded_is_hidden_behind_what_the_view_sees() {
+    let extruded = scene(r#"{"occluders": [{"extrude": {"view": "front", "length": 2}}]}"#);
+    let (plain, maps) = (maps(&scene("{}")), maps(&extruded));
+    let camera = &extruded.views[0].camera;
+    let (mut darker, mut seen) = (0, 0);
+    for pixel in 0..48 * 48 {
+        let ray = camera.pixel_ray(pixel % 48, pixel / 48);
+        let end = plain.geometry.first_hit(&ray, f64::INFINITY).map_or(12.0, |hit| hit.distance);
+        for step in 0..100 {
+            let place = ray.origin + ray.direction * (end * f64::from(step) / 100.0);
+            let place = maps.frame.light_from_world(place);
+            let [was, is] = [&plain, &maps].map(|maps| maps.shadow_map.is_lit(place));
+            assert!(was || !is, "nothing is lit that was not");
+            seen += usize::from(was);
+            darker += usize::from(was && !is);
+        }
+    }
+    // The roof's rim is seen from below: behind it the extension takes shafts away, and no more than a part.
+    assert!(darker > seen / 100 && darker < seen / 2, "{darker} of {seen}");
+    // As far as the eye sees the roof, its own depth stays.
+    let edit = &extruded.looks.occluders[0].kind;
+    assert!(matches!(edit, OccluderEditKind::Extrude { eye, .. } if eye.distance(camera.position()) < 1e-12));
+}
+
+#[test]
+fn holes_are_in_what_is_named_and_have_their_share() {
+    for (whose, left, right) in
+        [("", 0.3, 0.3), (r#", "occluders": [0]"#, 0.3, 0.0), (r#", "occluders": [1]"#, 0.0, 0.3)]
+    {
+        let pierced =
+            scene(&format!(r#"{{"occluders": [{{"pierce": {{"size": 0.2, "share": 0.3{whose}}}}}]}}"#));
+        let close = |found: f64, share: f64| (found - share).abs() < if share > 0.0 { 0.05 } else { 1e-12 };
+        assert!(close(lit(&pierced, [-3.0, -0.2], 2.0), left), "{whose}");
+        assert!(close(lit(&pierced, [0.2, 3.0], 2.0), right), "{whose}");
+        assert_eq!(lit(&pierced, SLIT, 2.0), 1.0);
+    }
+    let at = |turn: f64| {
+        let looks =
+            format!(r#"{{"occluders": [{{"pierce": {{"size": 0.2, "sway": {{"turn": {turn}}}}}}}]}}"#);
+        maps(&scene(&looks)).shadow_map
+    };
+    let depths = |map: &unscatter::visibility::ShadowMap| -> Vec<f32> {
+        (0..300 * 300).map(|texel| map.depth(texel % 300, texel / 300)).collect()
+    };
+    let [now, again, later] = [at(0.0), at(360.0), at(30.0)].map(|map| depths(&map));
+    assert_ne!(now, later);
+    let differ = now.iter().zip(&again).filter(|(a, b)| a != b).count();
+    assert!(differ < 30, "after a whole turn all is as before, to rounding: {differ}");
+}
+
+#[test]
+fn edits_follow_each_other() {
+    let twice = r#"{"occluders": [{"pierce": {"size": 0.1, "share": 0.4}}, {"fill": {"length": 0.3, "kernel": "square"}}]}"#;
+    assert!(lit(&scene(twice), [-3.0, 3.0], 2.0) < 0.02, "what was pierced is filled");
+    let other = r#"{"occluders": [{"fill": {"length": 0.3, "kernel": "square"}}, {"pierce": {"size": 0.1, "share": 0.4}}]}"#;
+    let found = lit(&scene(other), [-3.0, 3.0], 2.0);
+    assert!((found - 0.4).abs() < 0.1, "what was filled is pierced but where nothing is: {found}");
+}
+
+#[test]
+fn rows_are_those_of_the_edited_scene() {
+    let looks = r#"{"occluders": [{"pierce": {"size": 0.3}}, {"fill": {"texels": 2, "kernel": "lines", "view": "front"}}]}"#;
+    let problem = LightMapProblem::new(&scene(looks)).unwrap();
+    let operator = problem.on_cpu(Strategy::Assembled, u64::MAX).unwrap();
+    assert!(adjoint_test(&operator, 3, 5).unwrap().error < 1e-6);
+    let explicit = problem.explicit(u64::MAX).unwrap();
+    let x: Vec<Rgb> = (0..problem.elements()).map(|i| [i as f32 % 7.0, 1.0, 0.5]).collect();
+    let wide = CpuVector(x.iter().map(|value| value.map(f64::from)).collect());
+    let (shown, mut expected) = (operator.shown(&x).unwrap(), explicit.range());
+    explicit.apply(&wide, &mut expected).unwrap();
+    let most = expected.0.iter().flatten().copied().fold(0.0, f64::max);
+    for (shown, expected) in shown.iter().flatten().zip(expected.0.iter().flatten()) {
+        assert!((f64::from(*shown) - expected).abs() < 1e-5 * most);
+    }
+    let plain = LightMapProblem::new(&scene("{}")).unwrap();
+    assert_ne!(operator.storage(), plain.on_cpu(Strategy::Assembled, u64::MAX).unwrap().storage());
+    let found = unscatter::job::Job::new(scene(looks)).solve(&mut unscatter::job::Quiet).unwrap();
+    let last = found.report().history.last().unwrap();
+    assert!(last.normal_residual.iter().all(|&residual| residual <= 1e-3), "{last:?}");
+}
+
+#[test]
+fn edits_that_cannot_be_say_what_to_do() {
+    for (edit, told) in [
+        (r#"{"fill": {}}"#, "looks.occluders[0].fill: say how far it reaches"),
+        (r#"{"fill": {"texels": 3, "length": 1}}"#, "either as `texels` or as a `length`"),
+        (
+            r#"{"fill": {"texels": -1}}"#,
+            "looks.occluders[0].fill.texels: -1 is not allowed; it must be 0 or more",
+        ),
+        (r#"{"fill": {"texels": 3, "kernel": "lines"}}"#, "give the name of one as `view`"),
+        (r#"{"fill": {"texels": 3, "view": "front"}}"#, "only the kernel `lines` has a view"),
+        (r#"{"fill": {"texels": 3, "strength": 2}}"#, "looks.occluders[0].fill.strength"),
+        (
+            r#"{"extrude": {"view": "frint", "texels": 3}}"#,
+            "no view is called `frint`; did you mean `front`?",
+        ),
+        (r#"{"pierce": {"size": 0}}"#, "looks.occluders[0].pierce.size"),
+        (
+            r#"{"pierce": {"size": 1, "octaves": 40}}"#,
+            "pierce.octaves: 40 is not allowed; it must be from 1 to 12",
+        ),
+        (r#"{"pierce": {"size": 1, "objects": ["leaves"]}}"#, "no object is called `leaves`"),
+        (r#"{"pierce": {"size": 1, "materials": ["bark"]}}"#, "no material is called `bark`"),
+        (r#"{"pierce": {"size": 1, "occluders": [3]}}"#, "pierce.occluders[0]: 3 is not allowed"),
+        (r#"{"pierced": {"size": 1}}"#, "did you mean `pierce`?"),
+    ] {
+        let error = loaded(&format!(r#"{{"occluders": [{edit}]}}"#)).unwrap_err().to_string();
+        assert!(error.contains(told), "{edit}: {error}");
+    }
+    // The size of the map is known only where it lies.
+    let large = scene(r#"{"occluders": [{"pierce": {"size": 1}}, {"fill": {"length": 30}}]}"#);
+    let error = fit(&large, &large.light_map, &Arc::new(Geometry::new(large.mesh.clone()).unwrap()));
+    let Err(Error::Value { path, .. }) = error else { panic!("a kernel larger than the map") };
+    assert_eq!(path, "looks.occluders[1].length");
+}
