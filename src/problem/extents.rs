@@ -4,8 +4,10 @@ use super::scattered::Scattered;
 use super::sight::{Sight, grid, occluded, seen_and_occluded};
 use super::sky::sky_beams;
 use super::surfaces::lengths;
+use super::transfer::TransferFunction;
 use super::{Constraint, SkyBeam, Surfaces, Traced};
-use crate::scene::{Grid, LightFrame, Looks, MapFit, MapSettings, OccluderEditKind, Scene};
+use crate::march::ViewRay;
+use crate::scene::{Grid, LightFrame, Looks, MapFit, MapSettings, Medium, OccluderEditKind, Ray, Scene};
 use crate::visibility::{Geometry, ShadowMap, edited};
 use crate::{Error, Result};
 
@@ -22,6 +24,19 @@ pub struct Maps {
     pub shadow_map: Arc<ShadowMap>,
     /// Where the lights of the sky come from; none where they are not looked for.
     pub sky: Arc<[SkyBeam]>,
+    /// What scattered light is multiplied by; none where there is no such look.
+    pub transfer: Option<Arc<TransferFunction>>,
+}
+
+impl Maps {
+    /// A view ray in the frame of the light, its scattered light as looks have it. `length` is in metres up to the first surface,
+    /// infinite where there is none.
+    pub fn view_ray(&self, ray: &Ray, length: f64, medium: &Medium) -> ViewRay {
+        let ray = ViewRay::new(ray, length, &self.frame, medium);
+        let Some(transfer) = &self.transfer else { return ray };
+        let color = transfer.of(&ray, &self.shadow_map);
+        ViewRay { scattering: [0, 1, 2].map(|c| ray.scattering[c] * color[c]), ..ray }
+    }
 }
 
 /// Fits the maps to what is painted and seen where `light_map` and the scene do not set them, and renders the shadow maps. `geometry` is the
@@ -85,6 +100,9 @@ pub(super) fn fit_to(
     })?;
     let sky = sky_beams(scene, geometry, &sight)?;
     let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };
-    let geometry = geometry.clone();
-    Ok(Maps { geometry, frame, light_map, shadow_map: Arc::new(shadow_map), sky })
+    let transfer = scene.looks.transfer.as_ref();
+    let transfer =
+        transfer.map(|it| TransferFunction::new(it, scene, geometry, (&frame, &shadow_map)).map(Arc::new));
+    let (transfer, geometry) = (transfer.transpose()?, geometry.clone());
+    Ok(Maps { geometry, frame, light_map, shadow_map: Arc::new(shadow_map), sky, transfer })
 }

@@ -101,7 +101,7 @@ impl LightMapProblem {
             .zip(&lengths)
             .map(|(pixel, &length)| {
                 let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
-                ViewRay::new(&ray, length, &maps.frame, &scene.medium)
+                maps.view_ray(&ray, length, &scene.medium)
             })
             .collect();
         let panes = seen_panes(scene, geometry, &constraints, &lengths);
@@ -122,7 +122,7 @@ impl LightMapProblem {
             rgb(|c| wanted[c] - known[c])
         });
         let targets = targets.collect();
-        let colors = Colors::of(&traversal, geometry, scene.medium.is_grey());
+        let colors = Colors::of(&traversal, geometry, scene.is_grey());
         let plan = WalkPlan::of(&traversal, colors.are_grey());
         let spreads = scene.solve.fade != Fade::Nowhere
             && scene.solve.regularization.gradient != RegularizationWeight::Relative(0.0);

@@ -81,7 +81,11 @@ impl<'a> Renderer<'a> {
     /// Errors: as [`Self::picture`].
     pub fn picture_from(&self, camera: &Camera, what: &str, canvas: &Canvas) -> Result<Rendering> {
         let Self { scene, maps, changed, .. } = self;
-        let light = Light { scene, change: changed.as_ref().map(|changed| &changed.difference[..]) };
+        let light = Light {
+            scene,
+            is_grey: scene.is_grey(),
+            change: changed.as_ref().map(|changed| &changed.difference[..]),
+        };
         let scattering = Scattering::new(canvas, light, maps)?;
         let [width, height] = camera.size();
         let mut pixels: Vec<[Rgb; 2]> = Vec::with_capacity(width * height);
@@ -107,7 +111,7 @@ impl<'a> Renderer<'a> {
             .par_iter()
             .map(|Seen { ray, hit, .. }| {
                 let length = hit.map_or(f64::INFINITY, |hit| hit.distance);
-                ViewRay::new(ray, length, &maps.frame, &scene.medium)
+                maps.view_ray(ray, length, &scene.medium)
             })
             .collect();
         let mut transport = transport(scene, maps, scene.solve.quadrature);

@@ -28,6 +28,8 @@ pub(super) struct Scattering<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Light<'a> {
     pub(super) scene: &'a Scene,
+    /// Whether one weight serves all channels, panes aside.
+    pub(super) is_grey: bool,
     pub(super) change: Option<&'a [Rgb]>,
 }
 
@@ -68,15 +70,15 @@ impl Light<'_> {
             let lit_ray = rows.lit_ray(row);
             let lit = lit_ray.weight();
             let plain = rgb(|c| lit[c] as f32 * self.scene.light.radiance[c]);
-            let change = self.change.map_or([0.0; 3], |texels| gather(self.scene, &lit_ray, texels));
+            let change = self.change.map_or([0.0; 3], |texels| gather(self.is_grey, &lit_ray, texels));
             [plain, change]
         };
         (0..count).into_par_iter().map(row).collect()
     }
 }
 
-fn gather(scene: &Scene, row: &LitRay, texels: &[Rgb]) -> Rgb {
-    let sum = if scene.medium.is_grey() && row.is_grey() {
+fn gather(is_grey: bool, row: &LitRay, texels: &[Rgb]) -> Rgb {
+    let sum = if is_grey && row.is_grey() {
         Traversal::<f64, 1>::gather(row, 0, texels)
     } else {
         Traversal::<f64, 3>::gather(row, 0, texels)
@@ -100,7 +102,7 @@ struct OnAdapter {
 
 #[cfg(feature = "gpu")]
 impl OnAdapter {
-    fn new(gpu: &Gpu, Light { scene, change }: Light, maps: &Maps) -> Result<Self> {
+    fn new(gpu: &Gpu, Light { scene, change, .. }: Light, maps: &Maps) -> Result<Self> {
         let solid = super::light_map::transport(scene, maps, scene.solve.quadrature).before_panes();
         let on_gpu = |values: &[Rgb]| brought(GpuVector::zeros(gpu, values.len()), values);
         Ok(Self {
@@ -112,8 +114,7 @@ impl OnAdapter {
         })
     }
 
-    fn of(&self, Light { scene, change }: Light, rows: &LightMapTraversal) -> Result<Vec<[Rgb; 2]>> {
-        let is_grey = scene.medium.is_grey();
+    fn of(&self, Light { scene, is_grey, change }: Light, rows: &LightMapTraversal) -> Result<Vec<[Rgb; 2]>> {
         let one_texel = |transport: &LightMapTransport| LightMapTransport {
             light_map: Grid { size: [1, 1], ..*transport.shadow_map.grid() },
             basis: Basis::Nearest,

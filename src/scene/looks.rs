@@ -1,10 +1,14 @@
 use glam::{DVec2, DVec3};
 
+use super::Transfer;
+
 /// How single scattering is bent beyond what is physical (Kol et al. 2017, sec. 4).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Looks {
     /// Edits of what casts shadows in the air, one after the other. Surfaces keep the shadows that they have.
     pub occluders: Vec<OccluderEdit>,
+    /// What scattered light is multiplied by.
+    pub transfer: Option<Transfer>,
 }
 
 /// An edit of a shadow map.

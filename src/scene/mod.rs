@@ -22,6 +22,7 @@ mod settings;
 mod skipping;
 mod strokes;
 mod surroundings;
+mod transfer;
 mod view;
 mod volume;
 mod volume_scene;
@@ -51,6 +52,7 @@ pub use settings::{
 pub use skipping::Skipping;
 pub use strokes::Stroke;
 pub use surroundings::{Sky, Surroundings};
+pub use transfer::{Blend, LayerKind, Transfer, TransferLayer, TransferPlace, TransferPoint};
 pub use view::View;
 pub use volume::{Interpolation, Samples, Volume, VoxelGrid};
 pub use volume_scene::{ExtinctionSettings, Find, PropertyBounds, VolumeMedium, VolumeScene, VolumeView};
@@ -112,6 +114,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Whether scattered light has one weight for all channels, panes aside.
+    pub fn is_grey(&self) -> bool {
+        self.medium.is_grey() && self.looks.transfer.as_ref().is_none_or(Transfer::is_grey)
+    }
+
     /// Pixels of all views.
     pub fn pixels(&self) -> usize {
         self.views.iter().map(|view| view.camera.size().iter().product::<usize>()).sum()

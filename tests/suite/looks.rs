@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use unscatter::Error;
 use unscatter::operator::{CpuVector, FromHost, LinearOperator, TransportOperator, adjoint_test};
-use unscatter::problem::{LightMapProblem, Maps, Problem, fit, render};
+use unscatter::problem::{Canvas, DrawnLight, LightMapProblem, Maps, Problem, Renderer, fit, render};
 use unscatter::scene::{OccluderEditKind, Rgb, Scene, Strategy};
 use unscatter::visibility::Geometry;
 
@@ -169,6 +169,95 @@ fn rows_are_those_of_the_edited_scene() {
     let found = unscatter::job::Job::new(scene(looks)).solve(&mut unscatter::job::Quiet).unwrap();
     let last = found.report().history.last().unwrap();
     assert!(last.normal_residual.iter().all(|&residual| residual <= 1e-3), "{last:?}");
+}
+
+#[test]
+fn transfer_functions_multiply_rows_and_pictures() {
+    let looks = r##"{"transfer": {"far": 12, "layers": [
+        {"gradient": {"along": "depth", "from": "#ffffff", "to": [0.2, 0.5, 1]}},
+        {"diffusion": {"blend": "multiply", "points": [
+            {"color": [2, 1, 0.5], "at": [0.9, 0.5]}, {"color": "#4060ff", "view": "front", "pixel": [24, 12]},
+            {"color": "#808080", "view": "front", "triangle": 0, "corners": [0.5, 0.25, 0.25]}
+        ]}}
+    ]}}"##;
+    let [colored, plain] = [looks, "{}"].map(|looks| LightMapProblem::new(&scene(looks)).unwrap());
+    let function = colored.maps.transfer.clone().unwrap();
+    assert!(!colored.is_grey() && plain.is_grey());
+    let [with, without] =
+        [&colored, &plain].map(|problem| problem.on_cpu(Strategy::Assembled, u64::MAX).unwrap());
+    assert!(adjoint_test(&with, 3, 5).unwrap().error < 1e-6);
+    let x: Vec<Rgb> = (0..plain.elements()).map(|i| [i as f32 % 7.0, 1.0, 0.5]).collect();
+    let [with, without] = [with, without].map(|operator| operator.shown(&x).unwrap());
+    let mut colors = std::collections::BTreeSet::new();
+    for (row, pixel) in plain.constraints.iter().enumerate() {
+        let color = function.of(&plain.traversal.rays()[row], &plain.maps.shadow_map);
+        colors.insert(color.map(|value| (value * 100.0) as i64));
+        for c in 0..3 {
+            let close = |found: f32, expected: f32| {
+                (found - color[c] as f32 * expected).abs() <= 2e-6 * (1.0 + expected)
+            };
+            assert!(close(with[row][c], without[row][c]), "{pixel:?}");
+            assert!(close(colored.plain[row][c], plain.plain[row][c]), "{pixel:?}");
+        }
+    }
+    assert!(colors.len() > 30, "rays have many colours: {}", colors.len());
+    let picture = |looks: &str| {
+        let scene = scene(looks);
+        let maps = maps(&scene);
+        let renderer = Renderer::new(&scene, &maps, None).unwrap().showing(DrawnLight::Scattered);
+        renderer.picture(0, &Canvas::Processor).unwrap().before
+    };
+    let [with, without] = [looks, "{}"].map(picture);
+    for (row, pixel) in plain.constraints.iter().enumerate() {
+        let color = function.of(&plain.traversal.rays()[row], &plain.maps.shadow_map);
+        let [with, without] = [&with, &without].map(|picture| picture.at(pixel.x, pixel.y));
+        for c in 0..3 {
+            assert!((with[c] - color[c] as f32 * without[c]).abs() <= 2e-6 * (1.0 + without[c]));
+        }
+    }
+    // As far as it is asked for.
+    let half = looks.replace(r#""far": 12"#, r#""far": 12, "strength": 0.5"#);
+    let half = LightMapProblem::new(&scene(&half)).unwrap().plain;
+    for ((half, colored), plain) in half.iter().zip(&colored.plain).zip(&plain.plain) {
+        assert!((0..3).all(|c| (half[c] - 0.5 * (colored[c] + plain[c])).abs() <= 2e-6 * (1.0 + plain[c])));
+    }
+}
+
+#[test]
+fn transfer_functions_that_cannot_be_say_what_to_do() {
+    for (transfer, told) in [
+        (r#""far": 9, "layers": []"#, "looks.transfer.layers: there is no layer"),
+        (r#""far": 0, "layers": [{"solid": {"color": [1, 1, 1]}}]"#, "looks.transfer.far: 0 is not allowed"),
+        (
+            r#""far": 9, "size": [4000, 2], "layers": [{"solid": {"color": [1, 1, 1]}}]"#,
+            "size[0]: 4000 is not allowed; it must be from 1 to 1024",
+        ),
+        (
+            r#""far": 9, "layers": [{"solid": {"color": [1, 1, 1], "opacity": 2}}]"#,
+            "layers[0].solid.opacity: 2",
+        ),
+        (r#""far": 9, "layers": [{"image": {"file": "none.png"}}]"#, "none.png"),
+        (r#""far": 9, "layers": [{"diffusion": {"points": []}}]"#, "points: 0 is not allowed"),
+        (
+            r#""far": 9, "layers": [{"diffusion": {"points": [{"color": [1, 1, 1]}]}}]"#,
+            "points[0]: say where it is",
+        ),
+        (
+            r#""far": 9, "layers": [{"diffusion": {"points": [{"color": [1, 1, 1], "at": [0, 2]}]}}]"#,
+            "at[1]: 2 is not allowed",
+        ),
+        (
+            r#""far": 9, "layers": [{"diffusion": {"points": [{"color": [1, 1, 1], "view": "side", "pixel": [1, 1]}]}}]"#,
+            "no view is called `side`",
+        ),
+        (
+            r#""far": 9, "layers": [{"diffusion": {"points": [{"color": [1, 1, 1], "view": "front", "triangle": 99, "corners": [1, 0, 0]}]}}]"#,
+            "triangle: 99 is not allowed; it must be below",
+        ),
+    ] {
+        let error = loaded(&format!(r#"{{"transfer": {{{transfer}}}}}"#)).unwrap_err().to_string();
+        assert!(error.contains(told), "{transfer}: {error}");
+    }
 }
 
 #[test]

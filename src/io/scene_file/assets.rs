@@ -122,6 +122,15 @@ impl Assets {
         self.of_size("picture", file, size, image::read_image)
     }
 
+    /// A picture of a transfer function.
+    pub(super) fn transfer(&self, file: &FileName) -> Result<RgbaImage> {
+        let path = self.path(file)?;
+        let [width, height] = image::size_of(&path)?;
+        let what = format!("{} of {width} × {height} pixels", path.display());
+        self.allow(&what, (width * height * size_of::<[f32; 4]>()) as u64)?;
+        image::read_target(&path, None)
+    }
+
     /// A picture of all directions.
     pub(super) fn directions(&self, file: &FileName) -> Result<Image> {
         let path = self.path(file)?;

@@ -178,7 +178,7 @@ impl Document {
         let surroundings = surroundings.map(|it| it.build(&assets).at("surroundings")).transpose()?;
         let views = self.build_views(&mut assets)?;
         let mesh = mesh_of(&self.occluders, &mut assets)?;
-        let looks = self.looks.build(&views, &mesh).at("looks")?;
+        let looks = self.looks.build(&views, &mesh, &assets).at("looks")?;
         Ok(Scene {
             name: self.name.clone().unwrap_or_else(|| stem(file)),
             light,

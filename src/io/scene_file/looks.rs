@@ -5,7 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::{self, HoleNoise, Holes, Mesh, OccluderEditKind, Radius, Sway};
 
+use super::assets::Assets;
 use super::flaw::{At, Built, Flaw, checked, within};
+use super::transfer::Transfer;
+use super::view::view_number;
 use super::wording::nearest;
 
 /// How single scattering is bent beyond what is physical (Kol et al. 2017). Pictures and solves alike see it.
@@ -16,6 +19,9 @@ pub struct Looks {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(!skip_serializing_if)]
     pub occluders: Vec<OccluderEdit>,
+    /// What scattered light is multiplied by.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transfer: Option<Transfer>,
 }
 
 /// An edit of the shadow map of the light.
@@ -134,10 +140,12 @@ pub struct HoleSway {
 }
 
 impl Looks {
-    pub(super) fn build(&self, views: &[scene::View], mesh: &Mesh) -> Built<scene::Looks> {
+    pub(super) fn build(&self, views: &[scene::View], mesh: &Mesh, assets: &Assets) -> Built<scene::Looks> {
+        let transfer = self.transfer.as_ref();
+        let transfer = transfer.map(|it| it.build(views, mesh, assets).at("transfer")).transpose()?;
         let edits = self.occluders.iter().enumerate();
         let edits = edits.map(|(i, edit)| edit.build(views, mesh).at(&format!("occluders[{i}]")));
-        Ok(scene::Looks { occluders: edits.collect::<Built<_>>()? })
+        Ok(scene::Looks { occluders: edits.collect::<Built<_>>()?, transfer })
     }
 }
 
@@ -233,15 +241,7 @@ fn known(field: &str, names: &[String], there: &[&str], what: &str) -> Built<()>
 
 /// The eye of a view.
 fn eye(name: &str, views: &[scene::View]) -> Built<glam::DVec3> {
-    let names: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
-    match views.iter().find(|view| view.name == name) {
-        Some(view) => Ok(view.camera.position()),
-        None => {
-            let near = nearest(name, &names);
-            let remedy = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-            Err(Flaw::new("view", format!("no view is called `{name}`{remedy}")))
-        }
-    }
+    Ok(views[view_number(name, views)?].camera.position())
 }
 
 /// The one of two radii that is given.

@@ -31,6 +31,7 @@ mod stroke;
 mod surroundings;
 #[cfg(test)]
 mod tests;
+mod transfer;
 mod transform;
 mod unit;
 mod view;
@@ -64,6 +65,9 @@ pub use size::{MemorySize, parse_size};
 pub use solve::{MetricName, Quadrature, Skip, Solve, Solver, Strategy};
 pub use stroke::{Group, Stroke};
 pub use surroundings::{Sky, Surroundings};
+pub use transfer::{
+    Blend, Diffusion, Gradient, Solid, Transfer, TransferAxis, TransferImage, TransferLayer, TransferPoint,
+};
 pub use transform::{LookAt, Rotate, Transform};
 pub use unit::Unit;
 pub use view::{Camera, CameraLens, FovAxis, GltfCameraNode, View};

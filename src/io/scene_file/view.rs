@@ -11,6 +11,7 @@ use super::file_name::FileName;
 use super::flaw::{At, Built, Flaw, checked};
 use super::stroke::Stroke;
 use super::transform::Transform;
+use super::wording::nearest;
 
 /// A camera and what is painted on its picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -251,6 +252,16 @@ fn missing(field: &str) -> Flaw {
         "",
         format!("missing field `{field}`; a camera needs `to_world` and `fov` or `lens`, or `gltf`"),
     )
+}
+
+/// Which view has a name.
+pub(super) fn view_number(name: &str, views: &[scene::View]) -> Built<usize> {
+    let names: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
+    names.iter().position(|&view| view == name).ok_or_else(|| {
+        let near = nearest(name, &names);
+        let remedy = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+        Flaw::new("view", format!("no view is called `{name}`{remedy}"))
+    })
 }
 
 #[cfg(test)]

@@ -6,7 +6,10 @@ use unscatter::gpu::{Choice, SimulatedFault};
 use unscatter::problem::{
     Canvas, DrawnLight, LightMapProblem, Model, Renderer, Rendering, VolumeRenderer, VolumeState,
 };
-use unscatter::scene::{Environment, Image, Interpolation, Quadrature, Rgb, Scene, Volume, VolumeScene};
+use unscatter::scene::{
+    Blend, Environment, Image, Interpolation, Kernel, LayerKind, OccluderEdit, OccluderEditKind, Quadrature,
+    Radius, Rgb, Scene, Transfer, TransferLayer, Volume, VolumeScene,
+};
 
 use super::{gpu, narrow, open};
 use crate::scenes::Numbers;
@@ -56,6 +59,18 @@ fn expect_same_light_maps(what: &str, scene: &Scene, canvas: &Canvas) {
             assert_eq!(expected.before != expected.after, map.is_some(), "{what}");
         }
     }
+}
+
+#[test]
+#[ignore = "needs a graphics adapter; ./test.sh brings one"]
+fn an_adapter_draws_looks_as_the_processor_does() {
+    let mut scene = scene_of(&SHAFTS);
+    let kind = OccluderEditKind::Fill(Kernel::Disc, Radius::Texels(2.0));
+    scene.looks.occluders.push(OccluderEdit { kind, strength: 1.0 });
+    let shows = LayerKind::Gradient { axis: 0, ends: [[1.0, 0.4, 0.1], [0.2, 0.6, 1.5]] };
+    let layers = vec![TransferLayer { shows, blend: Blend::Alpha, opacity: 1.0 }];
+    scene.looks.transfer = Some(Transfer { size: [16, 4], far: 20.0, layers, strength: 0.9 });
+    expect_same_light_maps("looks", &scene, &Canvas::Adapter(gpu()));
 }
 
 #[test]

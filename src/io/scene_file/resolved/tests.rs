@@ -36,6 +36,9 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     // One of two, and only lines go towards a view.
     ("Fill", &["length", "view"]),
     ("Extrude", &["texels"]),
+    // One way of saying where.
+    ("TransferPoint", &["at", "view", "pixel", "triangle", "corners"]),
+    ("Looks", &["transfer"]),
     // No limits; what follows from the medium of a painted volume; and the memory of the machine.
     ("Solve", &["seconds", "noise", "upper", "tikhonov", "gradient", "fade", "memory"]),
     ("Surroundings", &["environment"]),
@@ -88,7 +91,10 @@ const LIGHT_MAP: &str = r##"{
   "groups": [{ "name": "warm" }],
   "looks": { "occluders": [
     { "fill": { "texels": 2 } }, { "extrude": { "view": "front", "length": 0.5 } }, { "pierce": { "size": 0.2, "sway": { "turn": 30 } } }
-  ] },
+  ], "transfer": { "far": 20, "layers": [
+    { "solid": { "color": "#ffeedd" } }, { "gradient": { "along": "depth", "from": "#fff", "to": "#888" } }, { "image": { "file": "@paint.png" } },
+    { "diffusion": { "points": [{ "color": "#f80", "at": [0.1, 0.2] }, { "color": "#08f", "view": "front", "pixel": [3, 4] }] } }
+  ] } },
   "light_map": { "extent": { "min": [-2, -1], "max": [2, 1] } },
   "solve": { "quadrature": { "march": { "steps": 64 } } }
 }"##;
