@@ -40,7 +40,8 @@ impl TransferFunction {
         let place = |point: &TransferPoint| match point.place {
             TransferPlace::Axes(axes) => axes,
             TransferPlace::Pixel { view, at: [x, y] } => {
-                let ray = scene.views[view].camera.ray(x, y);
+                let [width, height] = scene.views[view].camera.size().map(|side| side as f64);
+                let ray = scene.views[view].camera.ray(x * width, y * height);
                 axes_of(
                     &ray,
                     geometry.first_hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |hit| hit.distance),

@@ -72,11 +72,11 @@ pub struct TransferPoint {
 pub enum TransferPlace {
     /// At a visibility and a depth, both from 0 to 1.
     Axes([f64; 2]),
-    /// At those of what a view sees at a place of its picture, in pixels.
+    /// At those of what a view sees at a place of its picture.
     Pixel {
         /// The number of the view.
         view: usize,
-        /// (0, 0) is the outer corner of the first pixel.
+        /// From (0, 0), the outer corner of the first pixel, to (1, 1), that of the last, whatever the picture's size.
         at: [f64; 2],
     },
     /// At those of the ray from the eye of a view to a point of the world, whether something is before it or not.

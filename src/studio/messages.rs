@@ -190,7 +190,15 @@ pub(super) enum Told<'a> {
     },
 }
 
-/// A message on its way to every page.
+/// A message and who gets it.
+#[derive(Debug, Clone)]
+pub(super) struct Mail {
+    /// The number of a page; none for all.
+    pub(super) to: Option<u64>,
+    pub(super) sent: Sent,
+}
+
+/// A message on its way to pages.
 #[derive(Debug, Clone)]
 pub(super) enum Sent {
     Text(Arc<str>),

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::broadcast;
 
 use super::full::Full;
-use super::messages::{Kind, News, Phase, Sent, Stage, Told, picture};
+use super::messages::{Kind, Mail, News, Phase, Stage, Told, picture};
 use super::pictures::{Seen, Shown, previews};
 use crate::Result;
 use crate::io::image::rgba_bytes;
@@ -26,7 +26,7 @@ const KINDS: [Kind; 7] = [
 const APART: Duration = Duration::from_millis(120);
 
 pub(super) struct Screen {
-    pages: broadcast::Sender<Sent>,
+    pages: broadcast::Sender<Mail>,
     /// What each page watches.
     pub(super) watched: HashMap<u64, Vec<Kind>>,
     /// What all pictures are brightened by.
@@ -78,7 +78,7 @@ struct Standing {
 }
 
 impl Screen {
-    pub(super) fn new(pages: broadcast::Sender<Sent>) -> Self {
+    pub(super) fn new(pages: broadcast::Sender<Mail>) -> Self {
         let now = Instant::now();
         Self {
             pages,
@@ -101,7 +101,12 @@ impl Screen {
 
     pub(super) fn tell(&self, told: &Told<'_>) {
         // Where nobody listens nobody needs to be told.
-        _ = self.pages.send(told.sent());
+        _ = self.pages.send(Mail { to: None, sent: told.sent() });
+    }
+
+    /// Tells only the page that has asked.
+    pub(super) fn answer(&self, page: u64, told: &Told<'_>) {
+        _ = self.pages.send(Mail { to: Some(page), sent: told.sent() });
     }
 
     pub(super) fn notice(&self, kind: News, text: String) {
@@ -130,17 +135,19 @@ impl Screen {
         let (serial, pages, followed) = (&mut self.serial, &self.pages, self.followed);
         let mut send = |Shown { kind, view, stage, size, bytes }: Shown| {
             *serial += 1;
-            _ = pages.send(picture((kind, view), (stage, *serial, followed), size, &bytes));
+            let sent = picture((kind, view), (stage, *serial, followed), size, &bytes);
+            _ = pages.send(Mail { to: None, sent });
         };
         previews(seen, full, (&kinds, self.painted), (light, self.exposure), &mut send)
     }
 
-    /// Sends what a free camera sees.
-    pub(super) fn show_free(&mut self, seen: &Image) {
+    /// Sends what the free camera of a page sees.
+    pub(super) fn show_free(&mut self, page: u64, seen: &Image) {
         self.serial += 1;
         let stage = (Stage::Preview, self.serial, self.followed);
         let bytes = rgba_bytes(seen, self.exposure);
-        _ = self.pages.send(picture((Kind::Free, None), stage, seen.size(), &bytes));
+        let sent = picture((Kind::Free, None), stage, seen.size(), &bytes);
+        _ = self.pages.send(Mail { to: Some(page), sent });
     }
 
     /// Tells how far the solve is.

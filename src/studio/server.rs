@@ -25,7 +25,7 @@ use tokio::net::TcpListener;
 use tokio::sync::broadcast::{self, error::RecvError};
 
 use super::errands::Order;
-use super::messages::{Asked, News, Sent, Told};
+use super::messages::{Asked, Mail, News, Sent, Told};
 use super::page;
 use crate::job::Stop;
 use crate::{Error, Result};
@@ -47,7 +47,7 @@ pub(super) struct Door {
     token: String,
     port: u16,
     orders: Sender<Order>,
-    pages: broadcast::Sender<Sent>,
+    pages: broadcast::Sender<Mail>,
     /// Numbers that pages get.
     number: AtomicU64,
     open: AtomicU64,
@@ -57,7 +57,7 @@ impl Door {
     /// A door whose token is new.
     ///
     /// Errors: [`Error::Machine`] where the system has no random numbers.
-    pub(super) fn new(port: u16, orders: Sender<Order>, pages: broadcast::Sender<Sent>) -> Result<Self> {
+    pub(super) fn new(port: u16, orders: Sender<Order>, pages: broadcast::Sender<Mail>) -> Result<Self> {
         let mut bytes = [0; 16];
         getrandom::fill(&mut bytes)
             .map_err(|error| Error::Machine(format!("the system gives no random numbers: {error}")))?;
@@ -212,8 +212,13 @@ async fn talk(mut socket: WebSocket, door: Arc<Door>) {
                     _ => false,
                 },
                 news = told.recv() => match news {
-                    Ok(Sent::Text(text)) => socket.send(Message::Text((*text).into())).await.is_ok(),
-                    Ok(Sent::Picture(bytes)) => socket.send(Message::Binary(bytes)).await.is_ok(),
+                    Ok(Mail { to, .. }) if to.is_some_and(|to| to != page) => true,
+                    Ok(Mail { sent: Sent::Text(text), .. }) => {
+                        socket.send(Message::Text((*text).into())).await.is_ok()
+                    }
+                    Ok(Mail { sent: Sent::Picture(bytes), .. }) => {
+                        socket.send(Message::Binary(bytes)).await.is_ok()
+                    }
                     // A page that is too slow gets everything as it is now.
                     Err(RecvError::Lagged(_)) => {
                         told = told.resubscribe();

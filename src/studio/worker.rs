@@ -13,7 +13,7 @@ use super::drawing::{Change, Difference, Drawing};
 use super::errands::{Errands, Order};
 use super::full::Full;
 use super::live::{Live, Rows, Subject};
-use super::messages::{Asked, CameraRecord, Kind, News, Phase, Sent, Told, ViewRecord, Wish, hex};
+use super::messages::{Asked, CameraRecord, Kind, Mail, News, Phase, Told, ViewRecord, Wish, hex};
 use super::pictures::{Seen, palette, tint};
 use super::screen::{Changes, Screen};
 use super::setting::{Setting, located};
@@ -76,7 +76,7 @@ impl Worker {
         setting: Setting,
         (text, is_new): (String, bool),
         (orders, mine): (Receiver<Order>, Sender<Order>),
-        pages: broadcast::Sender<Sent>,
+        pages: broadcast::Sender<Mail>,
     ) -> Result<Self> {
         let mut news = Vec::new();
         // What is wrong in a scene is told with its place, and before anything is written beside it.
@@ -216,8 +216,8 @@ impl Worker {
                 self.screen.watched.insert(page, pictures);
                 self.show(Changes::All);
             }
-            Wish::Reach { view, x, y } => self.reach(view, [x, y]),
-            Wish::LookFrom { view, camera } => self.look_from(view, &camera),
+            Wish::Reach { view, x, y } => self.reach(page, view, [x, y]),
+            Wish::LookFrom { view, camera } => self.look_from(page, view, &camera),
             Wish::AddView { name, camera } => self.add_view(&name, &camera),
         }
     }
@@ -402,7 +402,7 @@ impl Worker {
         self.state = State::Improving(0);
     }
 
-    fn look_from(&mut self, view: usize, camera: &CameraRecord) {
+    fn look_from(&mut self, page: u64, view: usize, camera: &CameraRecord) {
         let Some(ViewRecord { preview, .. }) = self.rows.records.get(view) else { return };
         self.looks_from = view;
         let CameraRecord { origin, target, up, fov } = *camera;
@@ -410,7 +410,7 @@ impl Worker {
         let camera =
             look_at(origin, target, up).and_then(|to_world| Camera::new(to_world, fov, FovAxis::Y, *preview));
         match camera.and_then(|camera| self.rows.live.picture_from(&camera)) {
-            Ok(seen) => self.screen.show_free(&seen),
+            Ok(seen) => self.screen.show_free(page, &seen),
             Err(error) => self.notice(News::Error, error.to_string()),
         }
     }
@@ -540,14 +540,14 @@ impl Worker {
         Ok(readable((0..views).map(|view| pictures.before(view))).exp2())
     }
 
-    fn reach(&mut self, view: usize, [x, y]: [f64; 2]) {
+    fn reach(&mut self, page: u64, view: usize, [x, y]: [f64; 2]) {
         let Some(ViewRecord { size, preview, .. }) = self.rows.records.get(view).cloned() else { return };
         let at = [0, 1].map(|axis| {
             let along = [x, y][axis] * preview[axis] as f64 / size[axis] as f64;
             (along.max(0.0) as usize).min(preview[axis] - 1)
         });
         match self.rows.live.seen().map(|seen| tint(&seen, view, at)) {
-            Ok(color) => self.tell(&Told::Reached { view, x, y, color: hex(color) }),
+            Ok(color) => self.screen.answer(page, &Told::Reached { view, x, y, color: hex(color) }),
             Err(error) => self.notice(News::Error, error.to_string()),
         }
     }

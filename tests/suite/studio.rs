@@ -337,11 +337,18 @@ fn light_air_views_and_groups_are_saved_as_they_were_shown() {
     // From where nobody looks yet; kept, it is a view.
     let mut camera = page.last("hello").unwrap()["views"][1]["camera"].clone();
     camera["origin"][1] = json!(9.0);
+    let mut other = opened.page();
     page.say(json!({ "type": "look_from", "view": 1, "camera": camera }));
-    page.until("what it sees", |page| page.pictures.iter().any(|shown| shown.about["kind"] == "free"));
+    let is_free = |page: &Page| page.pictures.iter().any(|shown| shown.about["kind"] == "free");
+    page.until("what it sees", is_free);
     page.say(json!({ "type": "add_view", "name": "from above", "camera": camera }));
     page.until("the view", |page| page.last("hello").unwrap()["views"].as_array().unwrap().len() == 3);
     assert_eq!(page.last("hello").unwrap()["views"][2]["name"], "from-above");
+    other.until("the view, too", |page| {
+        page.last("hello").is_some_and(|hello| hello["views"].as_array().unwrap().len() == 3)
+    });
+    assert!(!is_free(&other), "another page has a camera of its own");
+    drop(other);
     page.say(json!({ "type": "add_view", "name": "../x", "camera": camera }));
     page.until("the refusal", |page| page.last("notice").is_some_and(|told| told["kind"] == "error"));
 

@@ -236,7 +236,7 @@ impl TransferPoint {
                 for (axis, &value) in pixel.iter().enumerate() {
                     within(&format!("pixel[{axis}]"), value, [0.0, size[axis] as f64])?;
                 }
-                TransferPlace::Pixel { view, at: *pixel }
+                TransferPlace::Pixel { view, at: [0, 1].map(|axis| pixel[axis] / size[axis] as f64) }
             }
             (None, Some(view), None, Some(triangle), Some(corners)) => {
                 let view = view_number(view, views)?;
