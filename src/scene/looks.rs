@@ -1,6 +1,7 @@
 use glam::{DVec2, DVec3};
 
 use super::Transfer;
+use super::procedural::lattice_hash;
 
 /// How single scattering is bent beyond what is physical (Kol et al. 2017, sec. 4).
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -151,15 +152,7 @@ fn gradient_noise(p: DVec2, seed: u32) -> f64 {
 
 /// One of eight directions, by a hash of the lattice point.
 fn gradient(point: DVec2, seed: u32) -> DVec2 {
-    let mut hash = seed.wrapping_mul(0x9e37_79b9) ^ 0x85eb_ca6b;
-    for axis in 0..2 {
-        // Lattice points are whole; of huge ones the low bits are enough.
-        hash ^= point[axis] as i64 as u32;
-        hash = hash.wrapping_mul(0xcc9e_2d51);
-        hash ^= hash >> 15;
-    }
-    hash = hash.wrapping_mul(0x1b87_3593);
-    hash ^= hash >> 13;
+    let hash = lattice_hash(&point.to_array(), seed);
     std::f64::consts::SQRT_2 * DVec2::from_angle(f64::from(hash >> 8 & 7) * std::f64::consts::FRAC_PI_4)
 }
 

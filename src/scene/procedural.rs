@@ -130,17 +130,22 @@ fn gradient_noise(p: DVec3, seed: u32) -> f64 {
     sum
 }
 
-/// One of twelve directions towards the edges of a cube, by a hash of the lattice point.
-fn gradient(point: DVec3, seed: u32) -> DVec3 {
+/// A number of a lattice point that looks like chance.
+pub(super) fn lattice_hash(point: &[f64], seed: u32) -> u32 {
     let mut hash = seed.wrapping_mul(0x9e37_79b9) ^ 0x85eb_ca6b;
-    for axis in 0..3 {
+    for &coordinate in point {
         // Lattice points are whole; of huge ones the low bits are enough.
-        hash ^= point[axis] as i64 as u32;
+        hash ^= coordinate as i64 as u32;
         hash = hash.wrapping_mul(0xcc9e_2d51);
         hash ^= hash >> 15;
     }
     hash = hash.wrapping_mul(0x1b87_3593);
-    hash ^= hash >> 13;
+    hash ^ hash >> 13
+}
+
+/// One of twelve directions towards the edges of a cube, by a hash of the lattice point.
+fn gradient(point: DVec3, seed: u32) -> DVec3 {
+    let hash = lattice_hash(&point.to_array(), seed);
     let sign = |bit: u32| if hash >> bit & 1 == 0 { 1.0 } else { -1.0 };
     match (hash >> 8) % 3 {
         0 => DVec3::new(sign(0), sign(1), 0.0),

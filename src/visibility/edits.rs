@@ -100,10 +100,9 @@ fn pierce(
         let place = grid.centre(texel % grid.size[0], texel / grid.size[0]);
         if depth.is_finite() && holes.is_hole(place) {
             let ray = ShadowMap::ray(frame, place, origin);
-            let hit = geometry.first_hit_but(&ray, f64::INFINITY, is_pierced);
             // What another edit has moved stays where nothing is pierced.
-            let whole = geometry.first_hit(&ray, f64::INFINITY).map(|hit| hit.distance);
-            if hit != whole {
+            if geometry.first_hit(&ray, f64::INFINITY).is_some_and(|hit| is_pierced(hit.triangle)) {
+                let hit = geometry.first_hit_but(&ray, f64::INFINITY, is_pierced);
                 *depth = hit.map_or(f32::INFINITY, |distance| distance as f32);
             }
         }
