@@ -1,7 +1,7 @@
 use rayon::prelude::*;
 
 use super::Painting;
-use crate::scene::{Opacity, Rgb, Scene, View};
+use crate::scene::{Opacity, Rgb, Scene, View, rgb};
 use crate::{Error, Result};
 
 /// Pixels without paint that are kept as they are: one in so many along each axis, with the weight of all.
@@ -42,6 +42,15 @@ pub(super) struct RowRadiance {
     pub(super) plain: Vec<Rgb>,
     /// What it would show, were each light as bright as it is, but white.
     pub(super) white: Vec<Rgb>,
+}
+
+impl RowRadiance {
+    /// Adds light that no unknown changes.
+    pub(super) fn add(&mut self, added: &[Rgb]) {
+        for rows in [&mut self.known, &mut self.plain, &mut self.white] {
+            rows.iter_mut().zip(added).for_each(|(row, more)| *row = rgb(|c| row[c] + more[c]));
+        }
+    }
 }
 
 /// All painted pixels, view by view, row by row, and those that should stay as they are. All other pixels are among them, too, where

@@ -4,10 +4,10 @@ use super::scattered::Scattered;
 use super::sight::{Sight, grid, occluded, seen_and_occluded};
 use super::sky::sky_beams;
 use super::surfaces::lengths;
-use super::transfer::TransferFunction;
+use super::transfer::{Tinted, TransferFunction};
 use super::{Constraint, SkyBeam, Surfaces, Traced};
 use crate::march::ViewRay;
-use crate::scene::{Grid, LightFrame, Looks, MapFit, MapSettings, Medium, OccluderEditKind, Ray, Scene};
+use crate::scene::{Grid, LightFrame, Looks, MapFit, MapSettings, Medium, OccluderEditKind, Ray, Rgb, Scene};
 use crate::visibility::{Geometry, ShadowMap, edited};
 use crate::{Error, Result};
 
@@ -24,18 +24,28 @@ pub struct Maps {
     pub shadow_map: Arc<ShadowMap>,
     /// Where the lights of the sky come from; none where they are not looked for.
     pub sky: Arc<[SkyBeam]>,
-    /// What scattered light is multiplied by; none where there is no such look.
+    /// The colours of scattered light; none where it is as it is.
     pub transfer: Option<Arc<TransferFunction>>,
 }
 
 impl Maps {
-    /// A view ray in the frame of the light, its scattered light as looks have it. `length` is in metres up to the first surface,
-    /// infinite where there is none.
-    pub fn view_ray(&self, ray: &Ray, length: f64, medium: &Medium) -> ViewRay {
+    /// A view ray in the frame of the light, its scattered light as looks have it, and the radiance that they add to that. `length` is in
+    /// metres up to the first surface, infinite where there is none.
+    pub fn view_ray(&self, ray: &Ray, length: f64, medium: &Medium) -> (ViewRay, Rgb) {
         let ray = ViewRay::new(ray, length, &self.frame, medium);
-        let Some(transfer) = &self.transfer else { return ray };
-        let color = transfer.of(&ray, &self.shadow_map);
-        ViewRay { scattering: [0, 1, 2].map(|c| ray.scattering[c] * color[c]), ..ray }
+        let tinted = self.transfer.as_ref().map_or(Tinted::NOT, |it| it.of_ray(&ray, &self.shadow_map));
+        let scattering = [0, 1, 2].map(|c| ray.scattering[c] * tinted.factor[c]);
+        (ViewRay { scattering, ..ray }, tinted.added)
+    }
+
+    /// The same maps under another transfer function.
+    pub fn tinted(&self, transfer: TransferFunction) -> Self {
+        Self { transfer: Some(Arc::new(transfer)), ..self.clone() }
+    }
+
+    /// Whether scattered light has one weight for all channels, panes aside.
+    pub fn is_grey(&self, medium: &Medium) -> bool {
+        medium.is_grey() && self.transfer.as_ref().is_none_or(|it| it.is_grey())
     }
 }
 
@@ -100,9 +110,7 @@ pub(super) fn fit_to(
     })?;
     let sky = sky_beams(scene, geometry, &sight)?;
     let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };
-    let transfer = scene.looks.transfer.as_ref();
-    let transfer =
-        transfer.map(|it| TransferFunction::new(it, scene, geometry, (&frame, &shadow_map)).map(Arc::new));
-    let (transfer, geometry) = (transfer.transpose()?, geometry.clone());
+    let transfer = TransferFunction::of(scene, geometry, (&frame, &shadow_map))?.map(Arc::new);
+    let geometry = geometry.clone();
     Ok(Maps { geometry, frame, light_map, shadow_map: Arc::new(shadow_map), sky, transfer })
 }

@@ -96,33 +96,35 @@ impl LightMapProblem {
         let hits = surfaces.hits(scene, geometry, &constraints)?;
         let lengths = lengths(&hits);
         let maps = fit_to(scene, &scene.light_map, geometry, &constraints, &lengths, surfaces)?;
-        let rays: Arc<[ViewRay]> = constraints
+        let (rays, added): (Vec<ViewRay>, Vec<Rgb>) = constraints
             .par_iter()
             .zip(&lengths)
             .map(|(pixel, &length)| {
                 let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
                 maps.view_ray(&ray, length, &scene.medium)
             })
-            .collect();
+            .unzip();
+        check_replaced(&maps, &rays)?;
         let panes = seen_panes(scene, geometry, &constraints, &lengths);
         let transport = transport(scene, &maps, scene.solve.quadrature);
-        let traversal = LightMapTraversal::new(transport, rays).through_panes(panes);
+        let traversal = LightMapTraversal::new(transport, rays.into()).through_panes(panes);
         let start = scene.light.radiance;
-        let (traversal, RowRadiance { known: known_radiance, plain, white }) =
-            match AllLight::new(scene, &maps, &constraints, &hits, &traversal)? {
-                None => {
-                    let radiance = of_scattered_light(&traversal, start)?;
-                    (traversal, radiance)
-                }
-                Some(AllLight { further, radiance }) => (traversal.with_further(Arc::new(further)), radiance),
-            };
+        let (traversal, mut radiance) = match AllLight::new(scene, &maps, &constraints, &hits, &traversal)? {
+            None => {
+                let radiance = of_scattered_light(&traversal, start)?;
+                (traversal, radiance)
+            }
+            Some(AllLight { further, radiance }) => (traversal.with_further(Arc::new(further)), radiance),
+        };
+        radiance.add(&added);
+        let RowRadiance { known: known_radiance, plain, white } = radiance;
         let rows = constraints.iter().zip(&plain).zip(&white).zip(&known_radiance);
         let targets = rows.map(|(((pixel, plain), white), known)| {
             let wanted = wanted(scene.target, pixel, [plain, white]);
             rgb(|c| wanted[c] - known[c])
         });
         let targets = targets.collect();
-        let colors = Colors::of(&traversal, geometry, scene.is_grey());
+        let colors = Colors::of(&traversal, geometry, maps.is_grey(&scene.medium));
         let plan = WalkPlan::of(&traversal, colors.are_grey());
         let spreads = scene.solve.fade != Fade::Nowhere
             && scene.solve.regularization.gradient != RegularizationWeight::Relative(0.0);
@@ -243,7 +245,9 @@ impl LightMapProblem {
 
     /// Whether what rows show is their weight, all of it and that from outside the map, times the light's radiance.
     fn knows_weights(&self) -> bool {
-        self.further_start.is_empty() && self.start.iter().all(|&light| light > 0.0)
+        self.further_start.is_empty()
+            && self.start.iter().all(|&light| light > 0.0)
+            && !self.maps.transfer.as_ref().is_some_and(|it| it.adds())
     }
 
     /// The problem of some of its rows.
@@ -610,6 +614,20 @@ fn of_scattered_light(traversal: &LightMapTraversal, start: Rgb) -> Result<RowRa
         known: shares.iter().map(|[_, outside]| rgb(|c| outside[c] as f32 * start[c])).collect(),
         plain: lit_by(start),
         white: lit_by([luminance(start); 3]),
+    })
+}
+
+/// Errors: [`Error::Empty`] where looks put colours in the place of all scattered light.
+fn check_replaced(maps: &Maps, rays: &[ViewRay]) -> Result<()> {
+    let replaces = maps.transfer.as_ref().is_some_and(|it| it.adds());
+    if !replaces || rays.iter().any(|ray| ray.scattering != [0.0; 3]) {
+        return Ok(());
+    }
+    Err(Error::Empty {
+        reason:
+            "looks.transfer takes the place of all scattered light, so no light map changes what is painted"
+                .to_owned(),
+        remedy: "lower looks.transfer.strength, or set looks.transfer.as=factor",
     })
 }
 

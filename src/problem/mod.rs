@@ -52,7 +52,7 @@ pub use solution::{Begin, Paused, Snapshot, SystemOperator, measure, method, min
 pub use solved::Solved;
 pub use surfaces::{Surfaces, Traced};
 pub use system::{RegularizationWeights, System};
-pub use transfer::TransferFunction;
+pub use transfer::{Tinted, TransferFunction, TransferTable};
 pub use volume::{
     AllVoxels, Desired, Determined, HoldOut, LeftOut, LightColumns, LitRows, Model, Occupied, Optics,
     SeenLights, Spread, Spreading, VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,

@@ -83,7 +83,7 @@ impl<'a> Renderer<'a> {
         let Self { scene, maps, changed, .. } = self;
         let light = Light {
             scene,
-            is_grey: scene.is_grey(),
+            is_grey: maps.is_grey(&scene.medium),
             change: changed.as_ref().map(|changed| &changed.difference[..]),
         };
         let scattering = Scattering::new(canvas, light, maps)?;
@@ -107,13 +107,13 @@ impl<'a> Renderer<'a> {
     /// Before and after of some pixels.
     fn pixels(&self, seen: &[Seen], scattering: &Scattering) -> Result<Vec<[Rgb; 2]>> {
         let Self { scene, maps, changed, .. } = self;
-        let rays: Vec<ViewRay> = seen
+        let (rays, added): (Vec<ViewRay>, Vec<Rgb>) = seen
             .par_iter()
             .map(|Seen { ray, hit, .. }| {
                 let length = hit.map_or(f64::INFINITY, |hit| hit.distance);
                 maps.view_ray(ray, length, &scene.medium)
             })
-            .collect();
+            .unzip();
         let mut transport = transport(scene, maps, scene.solve.quadrature);
         transport.mask = changed.as_ref().map(|changed| changed.mask.clone());
         let has_panes = maps.geometry.has_panes();
@@ -121,6 +121,7 @@ impl<'a> Renderer<'a> {
         let rows = LightMapTraversal::new(transport, rays.into()).through_panes(panes);
         let scattered = scattering.of(&rows)?;
         let pixel = |(row, [plain, change]): (usize, [Rgb; 2])| {
+            let plain = rgb(|c| plain[c] + added[row][c]);
             let changed_sun = changed.as_ref().map_or([0.0; 3], |changed| changed.sun);
             let outside = match changed_sun {
                 [0.0, 0.0, 0.0] => [0.0; 3],

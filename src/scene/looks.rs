@@ -8,8 +8,8 @@ use super::procedural::lattice_hash;
 pub struct Looks {
     /// Edits of what casts shadows in the air, one after the other. Surfaces keep the shadows that they have.
     pub occluders: Vec<OccluderEdit>,
-    /// What scattered light is multiplied by.
-    pub transfer: Option<Transfer>,
+    /// Transfer functions with their shares, which add up to 1; none where scattered light is as it is.
+    pub transfer: Vec<(f64, Transfer)>,
 }
 
 /// An edit of a shadow map.

@@ -52,7 +52,9 @@ pub use settings::{
 pub use skipping::Skipping;
 pub use strokes::Stroke;
 pub use surroundings::{Sky, Surroundings};
-pub use transfer::{Blend, LayerKind, Transfer, TransferLayer, TransferPlace, TransferPoint};
+pub use transfer::{
+    Blend, LayerKind, Transfer, TransferAxis, TransferLayer, TransferPlace, TransferPoint, TransferRole,
+};
 pub use view::View;
 pub use volume::{Interpolation, Samples, Volume, VoxelGrid};
 pub use volume_scene::{ExtinctionSettings, Find, PropertyBounds, VolumeMedium, VolumeScene, VolumeView};
@@ -114,11 +116,6 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Whether scattered light has one weight for all channels, panes aside.
-    pub fn is_grey(&self) -> bool {
-        self.medium.is_grey() && self.looks.transfer.as_ref().is_none_or(Transfer::is_grey)
-    }
-
     /// Pixels of all views.
     pub fn pixels(&self) -> usize {
         self.views.iter().map(|view| view.camera.size().iter().product::<usize>()).sum()

@@ -2,18 +2,44 @@ use glam::DVec3;
 
 use super::{Rgb, RgbaImage};
 
-/// A transfer function: a colour by which scattered light is multiplied, for each average visibility and depth of a view ray
-/// (Kol et al. 2017, sec. 4.2).
+/// A transfer function: a colour of scattered light for two properties of a view ray (Kol et al. 2017, sec. 4.2).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transfer {
-    /// Texels along visibility, from 0 to 1, and along depth.
+    /// What its colours are.
+    pub role: TransferRole,
+    /// Which properties, each of which is from 0 to 1.
+    pub axes: [TransferAxis; 2],
+    /// Texels along both axes.
     pub size: [usize; 2],
-    /// The depth at the end of its axis, in metres.
-    pub far: f64,
+    /// The depth at the end of its axis, in metres; where it is not given, 95 % of what the views look along is nearer.
+    pub far: Option<f64>,
     /// What it is made of, from the bottom up, over white.
     pub layers: Vec<TransferLayer>,
-    /// How far it goes from white to what the layers say, from 0 to 1.
+    /// How far it goes from light as it is to what the layers say, from 0 to 1.
     pub strength: f64,
+}
+
+/// What the colours of a transfer function are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransferRole {
+    /// Scattered light is multiplied by them.
+    Factor,
+    /// They are scattered light, in its place. White is as bright as what air that scatters evenly to all sides, lit all along an endless
+    /// ray, shows of the light: ρ L / 4π, by luminance.
+    Color,
+}
+
+/// A property of a view ray up to the first surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransferAxis {
+    /// The share of it that is lit.
+    Visibility,
+    /// Its length, as a share of the far end.
+    Depth,
+    /// The mean distance of its lit points from the eye, as a share of its length; 0 where nothing is lit.
+    Position,
+    /// The angle between its direction and that towards the light, as a share of 180 degrees.
+    Angle,
 }
 
 /// A layer of a transfer function.
@@ -32,14 +58,14 @@ pub struct TransferLayer {
 pub enum LayerKind {
     /// One colour.
     Solid(Rgb),
-    /// One colour at the beginning of an axis, another at its end; 0 is visibility, 1 depth.
+    /// One colour at the beginning of an axis, another at its end.
     Gradient {
-        /// Which axis.
+        /// The first axis or the second, 0 or 1.
         axis: usize,
         /// The colours.
         ends: [Rgb; 2],
     },
-    /// A picture, visibility to the right and depth downwards; straight alpha.
+    /// A picture, the first axis to the right and the second downwards; straight alpha.
     Picture(RgbaImage),
     /// What spreads from some points (Orzan et al. 2008).
     Diffusion(Vec<TransferPoint>),
@@ -70,7 +96,7 @@ pub struct TransferPoint {
 /// Where a point of a transfer function is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TransferPlace {
-    /// At a visibility and a depth, both from 0 to 1.
+    /// At properties of a ray, both from 0 to 1.
     Axes([f64; 2]),
     /// At those of what a view sees at a place of its picture.
     Pixel {
@@ -86,17 +112,4 @@ pub enum TransferPlace {
         /// In world space, metres.
         point: DVec3,
     },
-}
-
-impl Transfer {
-    /// Whether it leaves grey what is grey.
-    pub fn is_grey(&self) -> bool {
-        let is_grey = |color: &Rgb| color[0] == color[1] && color[1] == color[2];
-        self.layers.iter().all(|layer| match &layer.shows {
-            LayerKind::Solid(color) => is_grey(color),
-            LayerKind::Gradient { ends, .. } => ends.iter().all(is_grey),
-            LayerKind::Picture(picture) => picture.pixels.iter().all(|&[r, g, b, _]| r == g && g == b),
-            LayerKind::Diffusion(points) => points.iter().all(|point| is_grey(&point.color)),
-        })
-    }
 }

@@ -190,7 +190,7 @@ fn transfer_functions_multiply_rows_and_pictures() {
     let [with, without] = [with, without].map(|operator| operator.shown(&x).unwrap());
     let mut colors = std::collections::BTreeSet::new();
     for (row, pixel) in plain.constraints.iter().enumerate() {
-        let color = function.of(&plain.traversal.rays()[row], &plain.maps.shadow_map);
+        let color = function.of_ray(&plain.traversal.rays()[row], &plain.maps.shadow_map).factor;
         colors.insert(color.map(|value| (value * 100.0) as i64));
         for c in 0..3 {
             let close = |found: f32, expected: f32| {
@@ -209,7 +209,7 @@ fn transfer_functions_multiply_rows_and_pictures() {
     };
     let [with, without] = [looks, "{}"].map(picture);
     for (row, pixel) in plain.constraints.iter().enumerate() {
-        let color = function.of(&plain.traversal.rays()[row], &plain.maps.shadow_map);
+        let color = function.of_ray(&plain.traversal.rays()[row], &plain.maps.shadow_map).factor;
         let [with, without] = [&with, &without].map(|picture| picture.at(pixel.x, pixel.y));
         for c in 0..3 {
             assert!((with[c] - color[c] as f32 * without[c]).abs() <= 2e-6 * (1.0 + without[c]));
@@ -224,9 +224,83 @@ fn transfer_functions_multiply_rows_and_pictures() {
 }
 
 #[test]
+fn transfer_functions_as_colors_take_the_place_of_scattered_light() {
+    let looks = |strength: f64| {
+        format!(
+            r##"{{"transfer": {{"as": "color", "axes": ["visibility", "angle"], "strength": {strength}, "layers": [
+            {{"gradient": {{"along": "visibility", "from": [0, 0, 0], "to": [4, 1, 0.5]}}}},
+            {{"gradient": {{"along": "angle", "from": "#ffffff", "to": "#4060ff", "blend": "multiply"}}}}
+        ]}}}}"##
+        )
+    };
+    let of = |looks: &str| LightMapProblem::new(&scene(looks)).unwrap();
+    let (plain, half) = (of("{}"), of(&looks(0.5)));
+    let function = half.maps.transfer.clone().unwrap();
+    let [table] = function.tables() else { panic!("one function") };
+    let air = &scene("{}").medium;
+    let light = scene("{}").light.radiance;
+    let luminance: f64 =
+        (0..3).map(|c| [0.2126, 0.7152, 0.0722][c] * air.albedo[c] * f64::from(light[c])).sum();
+    assert!((table.white - luminance / (4.0 * std::f64::consts::PI)).abs() < 1e-6 * table.white);
+    // A row is the light map's in half, and the colour's in half, whatever the light map.
+    assert_eq!(half.is_grey(), plain.is_grey());
+    for row in 0..plain.rows() {
+        let ray = &plain.traversal.rays()[row];
+        let tinted = function.of_ray(ray, &plain.maps.shadow_map);
+        assert_eq!(tinted.factor, [0.5; 3]);
+        for c in 0..3 {
+            let expected = 0.5 * plain.plain[row][c] + tinted.added[c];
+            assert!((half.plain[row][c] - expected).abs() <= 2e-6 * (1.0 + expected), "{row}");
+            let known = half.known_radiance[row][c] - 0.5 * plain.known_radiance[row][c];
+            assert!((known - tinted.added[c]).abs() <= 2e-6 * (1.0 + tinted.added[c]), "{row}");
+        }
+        let angle = (-ray.direction.z).acos() / std::f64::consts::PI;
+        let green = table.at([0.0, angle])[1] / table.at([1.0, angle])[1];
+        assert!(green < 0.01, "the first axis is visibility: {green}");
+    }
+    let whole = of(&looks(1.0));
+    assert!(whole.traversal.rays().iter().all(|ray| ray.scattering == [0.0; 3]));
+    // What no light map can change says so.
+    let error = unscatter::job::Job::new(scene(&looks(1.0))).solve(&mut unscatter::job::Quiet).unwrap_err();
+    assert!(error.to_string().contains("looks.transfer"), "{error}");
+}
+
+#[test]
+fn two_functions_with_shares_are_mixed_as_keys_are() {
+    let of = |transfer: Vec<(f64, unscatter::scene::Transfer)>| {
+        let mut scene = scene("{}");
+        scene.looks.transfer = transfer;
+        LightMapProblem::new(&scene).unwrap().plain
+    };
+    let functions: Vec<unscatter::scene::Transfer> = [
+        r##"{"far": 8, "layers": [{"gradient": {"along": "depth", "from": "#ff0000", "to": "#ffffff"}}]}"##,
+        r##"{"as": "color", "size": [7, 3], "axes": ["position", "visibility"], "layers": [{"solid": {"color": [0.2, 2, 1]}}]}"##,
+    ]
+    .iter()
+    .map(|transfer| scene(&format!(r#"{{"transfer": {transfer}}}"#)).looks.transfer.remove(0).1)
+    .collect();
+    let [first, second] = [0, 1].map(|k| of(vec![(1.0, functions[k].clone())]));
+    let mixed = of(vec![(0.25, functions[0].clone()), (0.75, functions[1].clone())]);
+    for row in 0..mixed.len() {
+        for c in 0..3 {
+            let expected = 0.25 * first[row][c] + 0.75 * second[row][c];
+            assert!((mixed[row][c] - expected).abs() <= 2e-6 * (1.0 + expected), "{row}");
+        }
+    }
+}
+
+#[test]
 fn transfer_functions_that_cannot_be_say_what_to_do() {
     for (transfer, told) in [
         (r#""far": 9, "layers": []"#, "looks.transfer.layers: there is no layer"),
+        (
+            r#""axes": ["depth", "depth"], "layers": [{"solid": {"color": [1, 1, 1]}}]"#,
+            "looks.transfer.axes: both are the same",
+        ),
+        (
+            r#""axes": ["depth", "angle"], "layers": [{"gradient": {"along": "visibility", "from": [1, 1, 1], "to": [0, 0, 0]}}]"#,
+            "layers[0].gradient.along: it is none of the function's `axes`",
+        ),
         (r#""far": 0, "layers": [{"solid": {"color": [1, 1, 1]}}]"#, "looks.transfer.far: 0 is not allowed"),
         (
             r#""far": 9, "size": [4000, 2], "layers": [{"solid": {"color": [1, 1, 1]}}]"#,

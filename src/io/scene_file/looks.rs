@@ -19,7 +19,7 @@ pub struct Looks {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(!skip_serializing_if)]
     pub occluders: Vec<OccluderEdit>,
-    /// What scattered light is multiplied by.
+    /// The colour of scattered light.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transfer: Option<Transfer>,
 }
@@ -145,6 +145,7 @@ impl Looks {
         let transfer = transfer.map(|it| it.build(views, mesh, assets).at("transfer")).transpose()?;
         let edits = self.occluders.iter().enumerate();
         let edits = edits.map(|(i, edit)| edit.build(views, mesh).at(&format!("occluders[{i}]")));
+        let transfer = transfer.map(|it| (1.0, it)).into_iter().collect();
         Ok(scene::Looks { occluders: edits.collect::<Built<_>>()?, transfer })
     }
 }

@@ -67,6 +67,7 @@ pub use stroke::{Group, Stroke};
 pub use surroundings::{Sky, Surroundings};
 pub use transfer::{
     Blend, Diffusion, Gradient, Solid, Transfer, TransferAxis, TransferImage, TransferLayer, TransferPoint,
+    TransferRole,
 };
 pub use transform::{LookAt, Rotate, Transform};
 pub use unit::Unit;

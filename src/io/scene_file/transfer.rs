@@ -17,22 +17,42 @@ const MOST: usize = 1024;
 /// Constraints of a diffusion layer at most.
 const MOST_POINTS: usize = 10_000;
 
-/// A colour by which scattered light is multiplied, for each average visibility and depth of a view ray: scattered light far away, or in
-/// full light, gets a colour of its own.
+/// A colour of scattered light for two properties of a view ray: what is far away, or in full light, gets a colour of its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Transfer {
-    /// The depth at the end of its axis, in units of the scene; a ray without a surface ends there.
-    pub far: f64,
-    /// Texels along visibility and along depth.
+    /// What its colours are.
+    #[serde(rename = "as", default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
+    pub role: TransferRole,
+    /// Which properties, two different ones.
+    #[serde(default = "axes")]
+    pub axes: [TransferAxis; 2],
+    /// The depth at the end of its axis, in units of the scene; a ray without a surface ends there. When not given, 95 % of what the views
+    /// look along is nearer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub far: Option<f64>,
+    /// Texels along both axes.
     #[serde(default = "size")]
     pub size: [usize; 2],
     /// What it is made of, from the bottom up, over white; at least one.
     #[schemars(length(min = 1))]
     pub layers: Vec<TransferLayer>,
-    /// How far it goes from white to what the layers say, from 0 to 1.
+    /// How far it goes from light as it is to what the layers say, from 0 to 1.
     #[serde(default = "one")]
     pub strength: f64,
+}
+
+/// What the colours of a transfer function are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum TransferRole {
+    /// Scattered light is multiplied by them.
+    #[default]
+    Factor,
+    /// They are scattered light, in its place, whatever the light map. White is as bright as air that scatters evenly to all sides, lit all
+    /// along an endless ray.
+    Color,
 }
 
 /// A layer of a transfer function.
@@ -43,7 +63,7 @@ pub enum TransferLayer {
     Solid(Solid),
     /// One colour at the beginning of an axis, another at its end.
     Gradient(Gradient),
-    /// A picture: visibility to the right, depth downwards.
+    /// A picture: the first axis to the right, the second downwards.
     Image(TransferImage),
     /// What spreads from some points: one is one colour, two are a gradient.
     Diffusion(Diffusion),
@@ -67,11 +87,11 @@ pub struct Solid {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gradient {
-    /// Which axis.
+    /// Which of the function's axes.
     pub along: TransferAxis,
-    /// Where there is no light, or next to the eye.
+    /// At its beginning, such as where there is no light, or next to the eye.
     pub from: Paint,
-    /// Where all is lit, or far away.
+    /// At its end, such as where all is lit, or far away.
     pub to: Paint,
     /// How it is laid over the layers below.
     #[serde(default)]
@@ -110,7 +130,7 @@ pub struct Diffusion {
     pub opacity: f64,
 }
 
-/// A point from which colour spreads: `at` a visibility and a depth, or at those that a `view` sees at a `pixel` or on a `triangle`.
+/// A point from which colour spreads: `at` values of both axes, or at those that a `view` sees at a `pixel` or on a `triangle`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TransferPoint {
@@ -119,7 +139,7 @@ pub struct TransferPoint {
     /// Its alpha, from 0 to 1.
     #[serde(default = "one")]
     pub alpha: f64,
-    /// Visibility and depth, both from 0 to 1.
+    /// The values of both axes, from 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at: Option<[f64; 2]>,
     /// The view that sees it.
@@ -136,14 +156,18 @@ pub struct TransferPoint {
     pub corners: Option<[f64; 3]>,
 }
 
-/// An axis of a transfer function.
+/// A property of a view ray, up to the first surface or the far end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TransferAxis {
-    /// The share of the view ray that is lit.
+    /// The share of it that is lit.
     Visibility,
-    /// Its length.
+    /// Its length, as a share of `far`.
     Depth,
+    /// The mean distance of its lit points, as a share of its length; 0 where nothing is lit.
+    Position,
+    /// The angle between its direction and that towards the light: 0 looks at the light, 1 away from it.
+    Angle,
 }
 
 /// How a layer is laid over those below.
@@ -166,7 +190,10 @@ impl Transfer {
         mesh: &Mesh,
         assets: &Assets,
     ) -> Built<scene::Transfer> {
-        let far = checked("far", self.far, "above 0", |far| far > 0.0)?;
+        let far = self.far.map(|far| checked("far", far, "above 0", |far| far > 0.0)).transpose()?;
+        if self.axes[0] == self.axes[1] {
+            return Err(Flaw::new("axes", "both are the same; give two different ones"));
+        }
         for (axis, side) in self.size.into_iter().enumerate() {
             within(&format!("size[{axis}]"), side, [1, MOST])?;
         }
@@ -174,18 +201,26 @@ impl Transfer {
             return Err(Flaw::new("layers", "there is no layer; add one, or leave `transfer` away"));
         }
         let layers = self.layers.iter().enumerate();
-        let layers = layers.map(|(i, layer)| layer.build(views, mesh, assets).at(&format!("layers[{i}]")));
+        let within_axes = |layer: &TransferLayer| layer.build(self.axes, views, mesh, assets);
+        let layers = layers.map(|(i, layer)| within_axes(layer).at(&format!("layers[{i}]")));
         let layers = layers.collect::<Built<_>>()?;
         let strength = within("strength", self.strength, [0.0, 1.0])?;
-        Ok(scene::Transfer { size: self.size, far, layers, strength })
+        let axes = self.axes.map(Into::into);
+        Ok(scene::Transfer { role: self.role.into(), axes, size: self.size, far, layers, strength })
     }
 }
 
 impl TransferLayer {
-    fn build(&self, views: &[scene::View], mesh: &Mesh, assets: &Assets) -> Built<scene::TransferLayer> {
+    fn build(
+        &self,
+        axes: [TransferAxis; 2],
+        views: &[scene::View],
+        mesh: &Mesh,
+        assets: &Assets,
+    ) -> Built<scene::TransferLayer> {
         let (name, shows, blend, opacity) = match self {
             Self::Solid(it) => ("solid", it.color.rgb("color").map(LayerKind::Solid), it.blend, it.opacity),
-            Self::Gradient(it) => ("gradient", it.build(), it.blend, it.opacity),
+            Self::Gradient(it) => ("gradient", it.build(axes), it.blend, it.opacity),
             Self::Image(it) => {
                 let picture = assets.transfer(&it.file).at("file").map(LayerKind::Picture);
                 ("image", picture, it.blend, it.opacity)
@@ -199,12 +234,10 @@ impl TransferLayer {
 }
 
 impl Gradient {
-    fn build(&self) -> Built<LayerKind> {
+    fn build(&self, axes: [TransferAxis; 2]) -> Built<LayerKind> {
         let ends = [self.from.rgb("from")?, self.to.rgb("to")?];
-        let axis = match self.along {
-            TransferAxis::Visibility => 0,
-            TransferAxis::Depth => 1,
-        };
+        let axis = axes.iter().position(|axis| *axis == self.along);
+        let axis = axis.ok_or_else(|| Flaw::new("along", "it is none of the function's `axes`"))?;
         Ok(LayerKind::Gradient { axis, ends })
     }
 }
@@ -274,6 +307,34 @@ impl From<Blend> for scene::Blend {
             Blend::Add => Self::Add,
         }
     }
+}
+
+impl From<TransferRole> for scene::TransferRole {
+    fn from(role: TransferRole) -> Self {
+        match role {
+            TransferRole::Factor => Self::Factor,
+            TransferRole::Color => Self::Color,
+        }
+    }
+}
+
+impl From<TransferAxis> for scene::TransferAxis {
+    fn from(axis: TransferAxis) -> Self {
+        match axis {
+            TransferAxis::Visibility => Self::Visibility,
+            TransferAxis::Depth => Self::Depth,
+            TransferAxis::Position => Self::Position,
+            TransferAxis::Angle => Self::Angle,
+        }
+    }
+}
+
+fn axes() -> [TransferAxis; 2] {
+    [TransferAxis::Visibility, TransferAxis::Depth]
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 fn size() -> [usize; 2] {

@@ -8,7 +8,7 @@ use unscatter::problem::{
 };
 use unscatter::scene::{
     Blend, Environment, Image, Interpolation, Kernel, LayerKind, OccluderEdit, OccluderEditKind, Quadrature,
-    Radius, Rgb, Scene, Transfer, TransferLayer, Volume, VolumeScene,
+    Radius, Rgb, Scene, Transfer, TransferAxis, TransferLayer, TransferRole, Volume, VolumeScene,
 };
 
 use super::{gpu, narrow, open};
@@ -69,8 +69,13 @@ fn an_adapter_draws_looks_as_the_processor_does() {
     scene.looks.occluders.push(OccluderEdit { kind, strength: 1.0 });
     let shows = LayerKind::Gradient { axis: 0, ends: [[1.0, 0.4, 0.1], [0.2, 0.6, 1.5]] };
     let layers = vec![TransferLayer { shows, blend: Blend::Alpha, opacity: 1.0 }];
-    scene.looks.transfer = Some(Transfer { size: [16, 4], far: 20.0, layers, strength: 0.9 });
-    expect_same_light_maps("looks", &scene, &Canvas::Adapter(gpu()));
+    let (axes, far) = ([TransferAxis::Visibility, TransferAxis::Depth], Some(20.0));
+    for role in [TransferRole::Factor, TransferRole::Color] {
+        let layers = layers.clone();
+        scene.looks.transfer =
+            vec![(1.0, Transfer { role, axes, size: [16, 4], far, layers, strength: 0.9 })];
+        expect_same_light_maps(&format!("looks, {role:?}"), &scene, &Canvas::Adapter(gpu()));
+    }
 }
 
 #[test]
