@@ -11,7 +11,7 @@ use glam::{DAffine3, DVec3};
 use unscatter::job::{Job, Quiet};
 use unscatter::scene::{
     Camera, DirectionalLight, FovAxis, Looks, MapSettings, Medium, Mesh, Opacity, Primitive, Scene,
-    SolveSettings, Stroke, Target, View, look_at,
+    SolveSettings, Sought, Stroke, Target, View, look_at,
 };
 
 /// A barn: a floor, three walls, and a roof of slats.
@@ -73,6 +73,7 @@ fn scene() -> unscatter::Result<Scene> {
         light_map: MapSettings::new([128, 128]),
         shadow_map: MapSettings::new([512, 512]),
         metres_per_unit: 1.0,
+        find: Sought::LightMap,
         target: Target::Tint,
         opacity: Opacity::Strength,
         solve: SolveSettings::default(),

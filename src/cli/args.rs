@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::io::image::ExrCompression;
 use crate::io::scene_file::{MemorySize, Subject, parse_size};
 use crate::io::volume::Format;
+use crate::scene::Look;
 use crate::{Error, Result};
 
 /// Inverse rendering of light in media: paint what the picture should look like, get the light behind it.
@@ -33,7 +34,7 @@ pub(crate) enum Command {
     /// Paint on the views of a scene, or of a model (.glb, .gltf, .obj), in the browser, and see light shafts or a volume follow.
     #[cfg(feature = "studio")]
     Paint(PaintArguments),
-    /// Find the light map behind painted strokes.
+    /// Find the light map behind painted strokes, or the transfer function (--find transfer).
     LightMap(LightMapArguments),
     /// Find the emission, albedo or extinction of a volume behind target pictures, or the light around it.
     Volume(VolumeArguments),
@@ -246,6 +247,10 @@ pub(crate) struct LightMapArguments {
     pub(crate) output: OutputArguments,
     #[command(flatten)]
     pub(crate) solve: SolveArguments,
+    /// What to look for, instead of what the scene says: light-map, or transfer, which is the function of `looks` that colours scattered
+    /// light.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) find: Option<String>,
     /// Fill texels that no painted ray reaches from their neighbours, for hand-off.
     #[arg(long)]
     pub(crate) fill: bool,
@@ -377,6 +382,9 @@ pub(crate) struct RenderArguments {
     /// Draws one part of the light alone: `scattering` is what the fog scatters of the sun, which paint is about.
     #[arg(long, value_name = "PART")]
     pub(crate) only: Option<OnlyLight>,
+    /// Leaves looks of the scene out, to compare: fill, extrude, pierce, transfer, or all; separated by commas.
+    #[arg(long, value_name = "LOOKS", value_delimiter = ',')]
+    pub(crate) without: Vec<LookName>,
     /// Pictures of a volume from all around, beside its views.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=720))]
     pub(crate) turntable: u32,
@@ -391,6 +399,34 @@ pub(crate) struct RenderArguments {
 pub(crate) enum OnlyLight {
     /// What the medium scatters of the sun.
     Scattering,
+}
+
+/// A kind of look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LookName {
+    /// Filled holes.
+    Fill,
+    /// Extruded silhouettes.
+    Extrude,
+    /// Holes that are made.
+    Pierce,
+    /// The transfer function.
+    Transfer,
+    /// All of them.
+    All,
+}
+
+impl LookName {
+    /// The kinds that it stands for.
+    pub(crate) fn kinds(self) -> &'static [Look] {
+        match self {
+            Self::Fill => &[Look::Fill],
+            Self::Extrude => &[Look::Extrude],
+            Self::Pierce => &[Look::Pierce],
+            Self::Transfer => &[Look::Transfer],
+            Self::All => &[Look::Fill, Look::Extrude, Look::Pierce, Look::Transfer],
+        }
+    }
 }
 
 #[derive(Debug, Args)]

@@ -147,6 +147,7 @@ pub(super) fn light_map(arguments: &LightMapArguments, manners: &Manners) -> Res
     let bar = Bar::new(manners.quiet);
     let mut flags = arguments.solve.overrides();
     flags.extend(arguments.fill.then(|| "solve.fill=true".to_owned()));
+    flags.extend(arguments.find.iter().map(|find| format!("find={find}")));
     let job = arguments.scene.open_as(Subject::LightMap, &flags)?;
     let folder = arguments.output.folder(&arguments.scene.scene);
     let options =
@@ -194,14 +195,24 @@ pub(super) fn render(arguments: &RenderArguments, manners: &Manners) -> Result<D
     if !matches!(job.scenes(), Scenes::LightMap(_)) && arguments.only.is_some() {
         return Err(Error::value("--only", "scattering", "left away: pictures of volumes show all light"));
     }
+    if !matches!(job.scenes(), Scenes::LightMap(_)) && !arguments.without.is_empty() {
+        return Err(Error::value("--without", "looks", "left away: volumes have none"));
+    }
+    let without = arguments.without.iter().flat_map(|look| look.kinds()).copied().collect();
     let light = match arguments.only {
         Some(OnlyLight::Scattering) => DrawnLight::Scattered,
         None => DrawnLight::All,
     };
     let exr = arguments.pictures.exr.into();
     let engine = arguments.backend.choice();
-    let options =
-        Options { engine, turntable: arguments.turntable as usize, light, exr, ..Options::default() };
+    let options = Options {
+        engine,
+        turntable: arguments.turntable as usize,
+        light,
+        exr,
+        without,
+        ..Options::default()
+    };
     watch_interrupt(&options.stop, Some(folder.clone()))?;
     let drawn = job.with(options).draw(arguments.light_map.as_deref(), folder, &mut bar)?;
     let Some(drawn) = drawn else { return Ok(Done::Interrupted) };

@@ -7,8 +7,8 @@ use super::memory::{self, MemoryBudget};
 use super::steps::Steps;
 use super::{Scenes, volume};
 use crate::Result;
-use crate::problem::{LightMapProblem, Problem, Traced, VolumeProblem};
-use crate::scene::{Find, SolveSettings, VolumeScene};
+use crate::problem::{LightMapProblem, Problem, Traced, TransferProblem, VolumeProblem};
+use crate::scene::{Find, SolveSettings, Sought, VolumeScene};
 use crate::visibility::Geometry;
 
 /// A problem, before anything is solved.
@@ -57,20 +57,28 @@ impl Scenes {
         }
     }
 
-    /// All problems: a light map, or each stage of each volume.
+    /// All problems: a light map or a transfer function, or each stage of each volume.
     pub(crate) fn asked(&self, geometry: &Arc<Geometry>, steps: &mut Steps<'_>) -> Result<Vec<AskedProblem>> {
         if let Self::LightMap(scene) = self {
             steps.begin("tracing", None);
             let (clock, memory) = (Instant::now(), MemoryBudget::of_light_map(scene));
-            let problem = LightMapProblem::of(scene, geometry, memory::painted(scene)?, &Traced)?;
+            let painted = memory::painted(scene)?;
+            let (find, problem): (_, Box<dyn Problem>) = match scene.find {
+                Sought::LightMap => {
+                    ("light map", Box::new(LightMapProblem::of(scene, geometry, painted, &Traced)?))
+                }
+                Sought::Transfer => {
+                    ("transfer function", Box::new(TransferProblem::of(scene, geometry, painted, &Traced)?))
+                }
+            };
             let seconds = clock.elapsed().as_secs_f64();
             return Ok(vec![AskedProblem {
                 scene: scene.name.clone(),
-                find: "light map",
+                find,
                 views: scene.views.len(),
                 pixels: scene.pixels(),
                 settings: scene.solve.clone(),
-                problem: Box::new(problem),
+                problem,
                 memory,
                 solves: 1,
                 seconds,

@@ -1,7 +1,5 @@
 //! From painted strokes to a light map.
 
-use std::sync::Arc;
-
 use glam::DVec2;
 use serde_json::json;
 
@@ -12,22 +10,18 @@ use super::engine::Engine;
 use super::environment::write_environment;
 use super::exposure::readable;
 use super::findings::{Findings, reached};
-use super::folder::{Folder, Painted, ViewImages};
-use super::memory::{MemoryBudget, painted};
+use super::folder::{Folder, ViewImages};
+use super::memory::MemoryBudget;
+use super::painted::{draw, hue_angles, matched, trace, with_looks};
 use super::placement::Placement;
 use super::steps::{Steps, Timings};
 use super::warnings;
-#[cfg(feature = "gpu")]
-use crate::Warning;
+use crate::Result;
 use crate::io::scene_file::Chosen;
 use crate::operator::CpuVector;
-use crate::problem::{Assessment, Assessor, Canvas, LightMapProblem, Match, Renderer, Traced, held_back};
-use crate::report::{
-    self, Change, HueAngles, LightRecord, Report, Share, SunRecord, SurroundingsRecord, ViewMatch,
-};
+use crate::problem::{Assessment, Assessor, Canvas, LightMapProblem, Renderer, held_back};
+use crate::report::{self, Change, FoundPicture, LightRecord, Report, Share, SunRecord, SurroundingsRecord};
 use crate::scene::{Environment, Grid, Image, MapFit, Rgb, Scene, Sky, SolveSettings};
-use crate::visibility::Geometry;
-use crate::{Error, Result};
 
 /// A light map that was found, and all there is to know about it.
 #[derive(Debug)]
@@ -51,7 +45,7 @@ pub(super) fn solve(
     steps: &mut Steps<'_>,
 ) -> Result<FoundLightMap> {
     steps.begin("tracing", None);
-    let problem = trace(scene, engine, options.rasterize, steps)?;
+    let problem = trace(scene, engine, options.rasterize, steps, &LightMapProblem::of)?;
     steps.go_on()?;
     warnings::tell_of_fog(scene, &problem.maps.geometry);
     warnings::tell_of_panes(&problem.maps);
@@ -92,7 +86,10 @@ pub(super) fn solve(
     let pictures = match options.pictures {
         true => {
             steps.begin("rendering", Some(scene.views.len() as u64));
-            draw(scene, &problem, &computed.solved.x, &assessments, engine, steps)?
+            let renderer = Renderer::new(scene, &problem.maps, Some(&computed.solved.x))?;
+            draw(scene, &problem, &assessments, steps, |view| {
+                engine.draw(|canvas| renderer.picture(view, canvas))
+            })?
         }
         false => Vec::new(),
     };
@@ -101,29 +98,18 @@ pub(super) fn solve(
 
 impl FoundLightMap {
     pub(super) fn report(&self, scene: &Scene, timings: &Timings) -> Result<Report> {
-        let Self { problem, settings, computed, assessments: [before, after], light, .. } = self;
-        let views = scene.views.iter().zip(&before.views).zip(&after.views);
-        let matched = views.filter(|((_, before), _)| before.pixels > 0).map(|((view, before), after)| {
-            let change = |of: fn(&Match) -> f64| Change { before: of(before), after: of(after) };
-            ViewMatch {
-                view: view.name.clone(),
-                painted_pixels: before.pixels as u64,
-                hue: Some(hue_angles(after)),
-                weighted_residual: change(|it| it.residual),
-                hue_error: Some(change(|it| it.hue_error)),
-                uncontested_hue_error: Some(change(|it| it.uncontested_hue_error)),
-                uncontested_pixels: Some((before.pixels - before.contested) as u64),
-            }
-        });
+        let Self { problem, settings, computed, assessments, light, .. } = self;
+        let [before, after] = assessments;
         let about = (scene.name.as_str(), scene.target, scene.pixels());
-        Ok(Report {
+        let report = Report {
             weighted_residual: Change { before: before.all.residual, after: after.all.residual },
-            matched: matched.collect(),
+            matched: matched(scene, assessments),
             hue: Some(hue_angles(&after.all)),
             light: Some(*light),
             surroundings: self.surroundings(scene),
             ..Findings { problem, settings, computed }.report("light-map", about, timings)?
-        })
+        };
+        Ok(with_looks(report, scene))
     }
 
     fn surroundings(&self, scene: &Scene) -> Option<SurroundingsRecord> {
@@ -196,7 +182,11 @@ impl FoundLightMap {
         let views = self.pictures.iter().map(|view| view.write(folder, exposure));
         let in_page = report::Pictures {
             views: views.collect::<Result<_>>()?,
-            light_map: Some(folder.write_picture("light_map", &self.light_map()?, exposure_of(problem))?),
+            found: Some(FoundPicture {
+                title: "The light map",
+                about: "what the light passes through".to_owned(),
+                png: folder.write_picture("light_map", &self.light_map()?, exposure_of(problem))?,
+            }),
             coverage: Some(folder.write_png(
                 "coverage",
                 &coverage_picture(problem, &computed.coverage)?,
@@ -208,65 +198,6 @@ impl FoundLightMap {
         folder.write_bytes("light_map.placement.json", Placement::of(&problem.maps).to_json()?.as_bytes())?;
         Ok(in_page)
     }
-}
-
-/// The problem, with surfaces found by rays or by a depth pass.
-///
-/// Errors: [`Error::Adapter`] for a depth pass without an adapter; [`Error::Interrupted`].
-fn trace(scene: &Scene, engine: &Engine, rasterize: bool, steps: &Steps<'_>) -> Result<LightMapProblem> {
-    let painted = painted(scene)?;
-    steps.go_on()?;
-    let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
-    if !rasterize {
-        return LightMapProblem::of(scene, &geometry, painted, &Traced);
-    }
-    match engine {
-        #[cfg(feature = "gpu")]
-        Engine::Gpu { gpu, or_cpu } => {
-            let rasterized = crate::problem::Rasterized(gpu.clone());
-            match LightMapProblem::of(scene, &geometry, painted.clone(), &rasterized) {
-                Err(error) if *or_cpu && error.is_of_adapter() => {
-                    Warning::new("adapter", format!("{error}; tracing rays instead"), "").tell();
-                    LightMapProblem::of(scene, &geometry, painted, &Traced)
-                }
-                problem => problem,
-            }
-        }
-        Engine::Cpu => Err(Error::Adapter {
-            adapter: "none".to_owned(),
-            problem: "cannot rasterize".to_owned(),
-            remedy: "choose an adapter, or leave rasterize away",
-        }),
-    }
-}
-
-/// The pictures of all views under what was found, given what the painted pixels show before and after.
-fn draw(
-    scene: &Scene,
-    problem: &LightMapProblem,
-    elements: &[Rgb],
-    [before, after]: &[Assessment; 2],
-    engine: &mut Engine,
-    steps: &mut Steps<'_>,
-) -> Result<Vec<ViewImages>> {
-    let renderer = Renderer::new(scene, &problem.maps, Some(elements))?;
-    let draw_view = |view: usize| {
-        let rendering = engine.draw(|canvas| renderer.picture(view, canvas))?;
-        let width = scene.views[view].camera.size()[0];
-        let rows = problem.constraints.iter().enumerate();
-        let rows = rows.filter(|(_, pixel)| pixel.view == view && pixel.weight > 0.0);
-        let painted = rows.map(|(row, pixel)| Painted {
-            pixel: pixel.y * width + pixel.x,
-            weight: pixel.weight,
-            before: before.shown[row],
-            wanted: problem.wanted(row),
-            after: after.shown[row],
-        });
-        let pictures = ViewImages::new(&scene.views[view].name, painted, rendering);
-        steps.advance(view as u64 + 1, "");
-        Ok(pictures)
-    };
-    (0..scene.views.len()).map(draw_view).collect()
 }
 
 /// Writes the lights of the sky, where they were looked for; gives back the PNG file.
@@ -292,11 +223,6 @@ fn preview(scene: &Scene, problem: &LightMapProblem, folder: &Folder, elements: 
         folder.write_picture(&format!("{}_after", seen.name), &drawn.after, exposure)?;
     }
     folder.publish_preview()
-}
-
-fn hue_angles(matched: &Match) -> HueAngles {
-    let [median, nine_tenths] = matched.hue_quantiles;
-    HueAngles { median, nine_tenths }
 }
 
 /// The brightest channel of any texel, as a multiple of the light's.

@@ -1,11 +1,12 @@
 //! The matrix of a problem, for other programs.
 
-use super::memory::{MemoryBudget, painted};
+use super::asked::AskedProblem;
+use super::memory::MemoryBudget;
 use super::steps::Steps;
 use super::volume::{self, nothing_asked};
 use super::{Folder, Job, Scenes};
-use crate::problem::{LightMapProblem, Problem, Traced};
-use crate::scene::Rgb;
+use crate::problem::Problem;
+use crate::scene::{Rgb, Sought};
 use crate::sparse::ExplicitMatrix;
 use crate::{Error, Result, io};
 
@@ -58,17 +59,30 @@ pub(super) fn of(job: &Job, steps: &mut Steps<'_>) -> Result<Exported> {
             ];
             check_grey(scene.medium.is_grey(), medium)?;
             steps.begin("tracing", None);
-            let problem = LightMapProblem::of(scene, &geometry, painted(scene)?, &Traced)?;
-            let surroundings = [
-                "surroundings",
-                "surfaces of a colour, which the surroundings make part of the rows",
-                "grey, for one matrix cannot hold three; set the occluders' albedo to numbers",
-            ];
-            check_grey(problem.is_grey(), surroundings)?;
+            let AskedProblem { problem, memory, .. } = job.scenes.asked(&geometry, steps)?.swap_remove(0);
+            let colored = match (scene.find, &scene.surroundings) {
+                (Sought::Transfer, _) => [
+                    "light.radiance",
+                    "light of a colour, which is in the rows of a transfer function",
+                    "grey, for one matrix cannot hold three",
+                ],
+                (_, Some(_)) => [
+                    "surroundings",
+                    "surfaces of a colour, which the surroundings make part of the rows",
+                    "grey, for one matrix cannot hold three; set the occluders' albedo to numbers",
+                ],
+                (_, None) => [
+                    "looks.transfer",
+                    "a factor of a colour, which multiplies the rows",
+                    "grey, for one matrix cannot hold three; or take it away",
+                ],
+            };
+            check_grey(problem.is_grey(), colored)?;
             steps.begin("walking", None);
-            let most = MemoryBudget::of_light_map(scene).budget(&scene.solve, &problem)? / BYTES;
+            let most = memory.budget(&scene.solve, &*problem)? / BYTES;
             let widths = scene.views.iter().map(|view| view.camera.size()[0]);
-            exported(&problem, problem.explicit(most)?, problem.starts(), widths.collect())
+            let start = problem.formulation(&scene.solve)?.starts();
+            exported(&*problem, problem.explicit(most)?, start, widths.collect())
         }
         (_, Some(scene)) => {
             // Of several stages the first: the others depend on what it finds.

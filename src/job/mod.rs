@@ -25,11 +25,13 @@ mod lock;
 mod matrix;
 mod memory;
 mod observer;
+mod painted;
 mod placement;
 mod plan;
 mod preview;
 mod solution;
 mod steps;
+mod transfer;
 mod volume;
 mod warnings;
 
@@ -44,7 +46,7 @@ use crate::io::scene_file::{
 };
 use crate::io::volume::Format;
 use crate::problem::{DrawnLight, Renderer, fit};
-use crate::scene::{Scene, VolumeScene};
+use crate::scene::{Look, Scene, Sought, VolumeScene};
 use crate::visibility::Geometry;
 use crate::{Error, Result, Warning, io, warning};
 
@@ -149,6 +151,8 @@ pub struct Options {
     pub light: DrawnLight,
     /// The formats that volumes are written in.
     pub formats: Vec<Format>,
+    /// Looks that pictures of views are drawn without, to compare; those of a solve have them all.
+    pub without: Vec<Look>,
     /// Frames of an animation that are drawn; all by default.
     pub frames: Option<RangeInclusive<usize>>,
     /// Whether the volumes of every frame are written, and not of the keys alone.
@@ -170,6 +174,7 @@ impl Default for Options {
             exr: ExrCompression::default(),
             turntable: 8,
             light: DrawnLight::All,
+            without: Vec::new(),
             formats: vec![Format::Npy, Format::Vdb],
             frames: None,
             frame_volumes: false,
@@ -272,14 +277,16 @@ impl Job {
 
     /// The scene of a light map.
     ///
-    /// Errors: [`Error::Empty`] where it is of a volume.
+    /// Errors: [`Error::Empty`] where it is of a volume, or a transfer function is looked for.
     pub(crate) fn into_light_map(self) -> Result<Scene> {
-        let scene = match self.scenes {
-            Scenes::LightMap(scene) => Some(Arc::unwrap_or_clone(scene)),
-            _ => None,
+        let (reason, remedy) = match self.scenes {
+            Scenes::LightMap(scene) if scene.find == Sought::LightMap => {
+                return Ok(Arc::unwrap_or_clone(scene));
+            }
+            Scenes::LightMap(_) => ("a transfer function is looked for", "set find=light-map"),
+            _ => ("there is no scene of a light map", "give a scene without a volume"),
         };
-        let reason = || "there is no scene of a light map".to_owned();
-        scene.ok_or_else(|| Error::Empty { reason: reason(), remedy: "give a scene without a volume" })
+        Err(Error::Empty { reason: reason.to_owned(), remedy })
     }
 
     fn steps<'a>(&'a self, observer: &'a mut dyn Observer) -> Steps<'a> {
@@ -333,6 +340,12 @@ impl Job {
         let mut names = Vec::new();
         let is_whole = match &self.scenes {
             Scenes::LightMap(scene) => {
+                let looks = scene.looks.without(&self.options.without);
+                if !self.options.without.is_empty() && looks == scene.looks {
+                    let text = "the scene has none of the looks that pictures should be without";
+                    Warning::new("no-such-look", text, "see `looks` of its file").tell();
+                }
+                let scene = &Scene { looks, ..Scene::clone(scene) };
                 draw(scene, (light_map, self.options.light), (&mut engine, &folder), &mut steps, &mut names)?
             }
             _ => {

@@ -10,17 +10,19 @@ use super::light_map::{self, FoundLightMap};
 use super::observer::{Observer, Quiet};
 use super::peak_memory;
 use super::steps::{Steps, Timings};
+use super::transfer::{self, FoundTransfer};
 use super::volume::{self, FoundAnimation, FoundVolume};
 use super::{Job, Options, Scenes};
 use crate::io::scene_file::{Chosen, Resolved};
 use crate::problem::{LightMapProblem, VolumeState, render};
 use crate::report::{self, Certificate, Coverage, Report};
-use crate::scene::{Camera, Image, Scene, VolumeScene};
+use crate::scene::{Camera, Image, Scene, Sought, VolumeScene};
 use crate::{Error, Result, Warning, warning};
 
 /// What was looked for, as it was found.
 enum Found {
     LightMap(Arc<Scene>, Box<FoundLightMap>),
+    Transfer(Arc<Scene>, Box<FoundTransfer>),
     Volume(Arc<VolumeScene>, Box<FoundVolume>),
     Animation(Box<FoundAnimation>),
 }
@@ -72,6 +74,10 @@ impl Solution {
         let folder = options.folder.as_ref().map(Folder::create).transpose()?.map(owned);
         let mut steps = Steps::new(observer, &options.stop, job.timings.clone());
         let found = match &job.scenes {
+            Scenes::LightMap(scene) if scene.find == Sought::Transfer => {
+                let found = transfer::solve(scene, options, &mut engine, folder.as_ref(), &mut steps)?;
+                Found::Transfer(scene.clone(), Box::new(found))
+            }
             Scenes::LightMap(scene) => {
                 let found = light_map::solve(scene, options, &mut engine, folder.as_ref(), &mut steps)?;
                 Found::LightMap(scene.clone(), Box::new(found))
@@ -101,7 +107,21 @@ impl Solution {
             Found::LightMap(_, found) => found.light_map(),
             _ => Err(Error::Empty {
                 reason: "no light map was looked for".to_owned(),
-                remedy: "solve a scene without a volume",
+                remedy: "solve a scene without a volume, with find=light-map",
+            }),
+        }
+    }
+
+    /// The transfer function that was looked for, its first axis to the right and the second downwards.
+    ///
+    /// Shapes  as `looks.transfer.size` of the scene
+    /// Errors  [`Error::Empty`] where none was looked for
+    pub fn transfer(&self) -> Result<Image> {
+        match &self.found {
+            Found::Transfer(_, found) => found.table(),
+            _ => Err(Error::Empty {
+                reason: "no transfer function was looked for".to_owned(),
+                remedy: "set find=transfer in a scene without a volume",
             }),
         }
     }
@@ -111,7 +131,7 @@ impl Solution {
     /// Errors: [`Error::Empty`] where none was looked for.
     pub fn volume(&self) -> Result<&VolumeState> {
         let state = match &self.found {
-            Found::LightMap(..) => None,
+            Found::LightMap(..) | Found::Transfer(..) => None,
             Found::Volume(_, found) => Some(found.state()),
             Found::Animation(found) => found.first().map(|key| key.state()),
         };
@@ -137,6 +157,10 @@ impl Solution {
                         Ok(render(scene, maps, Some(&found.computed.solved.x), view)?.after)
                     }
                 }
+            }
+            Found::Transfer(scene, found) => {
+                let view = scene.views.iter().position(|seen| seen.name == view).ok_or_else(unknown)?;
+                found.picture(scene, view)
             }
             Found::Volume(scene, found) => {
                 let view = scene.views.iter().position(|seen| seen.view.name == view).ok_or_else(unknown)?;
@@ -196,6 +220,7 @@ impl Solution {
     pub fn is_interrupted(&self) -> bool {
         match &self.found {
             Found::LightMap(_, found) => found.computed.is_interrupted(),
+            Found::Transfer(_, found) => found.computed.is_interrupted(),
             Found::Volume(_, found) => found.is_interrupted(),
             Found::Animation(found) => found.is_interrupted(),
         }
@@ -271,6 +296,7 @@ impl Found {
     fn report(&self, timings: &Timings) -> Result<Report> {
         match self {
             Self::LightMap(scene, found) => found.report(scene, timings),
+            Self::Transfer(scene, found) => found.report(scene, timings),
             Self::Volume(scene, found) => found.report(scene, timings),
             Self::Animation(found) => found.report(timings),
         }
@@ -280,7 +306,7 @@ impl Found {
     fn chosen(&self) -> Vec<Chosen> {
         match self {
             Self::LightMap(scene, found) => found.chosen(scene),
-            Self::Volume(..) | Self::Animation(_) => Vec::new(),
+            Self::Transfer(..) | Self::Volume(..) | Self::Animation(_) => Vec::new(),
         }
     }
 
@@ -293,6 +319,7 @@ impl Found {
     ) -> Result<(report::Pictures, usize)> {
         match self {
             Self::LightMap(scene, found) => Ok((found.write(scene, folder)?, 0)),
+            Self::Transfer(scene, found) => Ok((found.write(scene, folder)?, 0)),
             Self::Volume(scene, found) => Ok((found.write(scene, options, folder)?, 0)),
             Self::Animation(found) => found.write(options, folder, steps),
         }

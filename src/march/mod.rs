@@ -9,6 +9,7 @@ mod further_weights;
 mod light_map;
 mod lit;
 mod row_order;
+mod table;
 mod texels;
 mod view_ray;
 mod visibility;
@@ -20,6 +21,7 @@ pub use exponential::{SERIES_0, SERIES_2};
 pub use further_weights::{FurtherWeights, Reflected};
 pub use light_map::{LightMapTransport, LightMapTraversal, LitRay, RowExtent};
 pub use lit::{LitStretch, SeenPane, SeenPanes, lit_stretches, weight_between};
+pub use table::{Lookup, TableTraversal};
 pub use view_ray::ViewRay;
 #[cfg(feature = "gpu")]
 pub(crate) use volume::{CellRay, Line};

@@ -1,4 +1,4 @@
-use super::LightMapProblem;
+use super::{LightMapProblem, TransferProblem};
 use crate::Result;
 use crate::operator::FromHost;
 use crate::scene::Rgb;
@@ -29,9 +29,9 @@ pub struct Match {
     pub contested: usize,
 }
 
-/// How well light maps meet the targets.
+/// How well what is looked for behind painted pixels meets the targets.
 pub struct Assessor<'a> {
-    problem: &'a LightMapProblem,
+    pixels: &'a LightMapProblem,
     operator: &'a dyn FromHost,
     contested: Vec<bool>,
 }
@@ -48,15 +48,33 @@ pub struct Assessment {
 }
 
 impl<'a> Assessor<'a> {
-    /// Finds out which rows are contested.
+    /// Finds out which rows of a light map are contested.
     ///
     /// Cost: 3 applications of the adjoint, 1 of T.
     /// Errors: those of the operator.
     pub fn new(problem: &'a LightMapProblem, operator: &'a dyn FromHost) -> Result<Self> {
-        Ok(Self { problem, operator, contested: contested(problem, operator)? })
+        Self::of(problem, operator, problem.maps.light_map.len(), |row| problem.weight_of_texels(row))
     }
 
-    /// Compares what the light map `x` (all elements) shows with the targets, over all rows and in each of `views` views.
+    /// The same for a transfer function.
+    ///
+    /// Errors: those of the operator.
+    pub fn of_transfer(problem: &'a TransferProblem, operator: &'a dyn FromHost) -> Result<Self> {
+        let lookups = problem.traversal.lookups();
+        Self::of(&problem.pixels, operator, problem.table.texels.len(), |row| lookups[row].white)
+    }
+
+    /// Of pixels whose rows are those of `operator`, with `whole` the weight of all texels on a row; texels are its first elements.
+    fn of(
+        pixels: &'a LightMapProblem,
+        operator: &'a dyn FromHost,
+        texels: usize,
+        whole: impl Fn(usize) -> [f64; 3],
+    ) -> Result<Self> {
+        Ok(Self { pixels, operator, contested: contested(pixels, operator, texels, whole)? })
+    }
+
+    /// Compares what `x` (all elements) shows with the targets, over all rows and in each of `views` views.
     ///
     /// Cost: 1 application of T.
     /// Errors: [`crate::Error::Shape`] for another number of elements; those of the operator.
@@ -64,15 +82,15 @@ impl<'a> Assessor<'a> {
         let mut shown = self.operator.shown(x)?;
         let mut all = Sums::default();
         let mut by_view = vec![Sums::default(); views];
-        for (row, pixel) in self.problem.constraints.iter().enumerate() {
+        for (row, pixel) in self.pixels.constraints.iter().enumerate() {
             if !pixel.is_painted() {
                 continue;
             }
-            let known = self.problem.known_radiance[row];
+            let known = self.pixels.known_radiance[row];
             shown[row] = std::array::from_fn(|c| shown[row][c] + known[c]);
-            let target = self.problem.wanted(row);
+            let target = self.pixels.wanted(row);
             for sums in [&mut all, &mut by_view[pixel.view]] {
-                let plain = self.problem.plain[row];
+                let plain = self.pixels.plain[row];
                 sums.add([shown[row], target, plain], f64::from(pixel.weight), self.contested[row]);
             }
         }
@@ -147,10 +165,15 @@ impl Sums {
 ///
 /// Every row sends its hue, as a point on the colour circle, to its texels; where the mean of what arrives is short,
 /// the strokes contradict each other.
-fn contested(problem: &LightMapProblem, operator: &dyn FromHost) -> Result<Vec<bool>> {
+fn contested(
+    pixels: &LightMapProblem,
+    operator: &dyn FromHost,
+    count: usize,
+    whole: impl Fn(usize) -> [f64; 3],
+) -> Result<Vec<bool>> {
     // One transport for all three quantities, for coloured media have three.
     let arriving = |part: fn(f32) -> f32| -> Result<Vec<f32>> {
-        let sent = problem.constraints.iter().map(|pixel| {
+        let sent = pixels.constraints.iter().map(|pixel| {
             let weight = pixel.weight * pixel.opacity;
             let value = hue(pixel.color, SATURATED).map_or(0.0, |angle| part(angle) * weight);
             [value; 3]
@@ -162,7 +185,7 @@ fn contested(problem: &LightMapProblem, operator: &dyn FromHost) -> Result<Vec<b
     let disputed = (0..all.len()).map(|texel| {
         let agreement = cos[texel].hypot(sin[texel]) / all[texel];
         // What is behind the texels is one for all strokes, and none of them can have it alone.
-        let is_disputed = agreement < AGREED && texel < problem.maps.light_map.len();
+        let is_disputed = agreement < AGREED && texel < count;
         [if is_disputed { 1.0 } else { 0.0 }; 3]
     });
     let shares = operator.shown(&disputed.collect::<Vec<Rgb>>())?;
@@ -170,7 +193,7 @@ fn contested(problem: &LightMapProblem, operator: &dyn FromHost) -> Result<Vec<b
     let rows = shares.iter().enumerate();
     Ok(rows
         .map(|(row, &share)| {
-            let whole: f64 = problem.weight_of_texels(row).iter().sum();
+            let whole: f64 = whole(row).iter().sum();
             sum(share) > f64::from(CONTESTED) * whole
         })
         .collect())

@@ -118,23 +118,17 @@ impl LightMapProblem {
         };
         radiance.add(&added);
         let RowRadiance { known: known_radiance, plain, white } = radiance;
-        let rows = constraints.iter().zip(&plain).zip(&white).zip(&known_radiance);
-        let targets = rows.map(|(((pixel, plain), white), known)| {
-            let wanted = wanted(scene.target, pixel, [plain, white]);
-            rgb(|c| wanted[c] - known[c])
-        });
-        let targets = targets.collect();
         let colors = Colors::of(&traversal, geometry, maps.is_grey(&scene.medium));
         let plan = WalkPlan::of(&traversal, colors.are_grey());
         let spreads = scene.solve.fade != Fade::Nowhere
             && scene.solve.regularization.gradient != RegularizationWeight::Relative(0.0);
         let lit = if spreads { lit_texels(scene, &maps) } else { Arc::default() };
         let further_start = scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(start));
-        Ok(Self {
+        let mut problem = Self {
             constraints,
             maps,
             traversal,
-            targets,
+            targets: Vec::new(),
             known_radiance,
             plain,
             white,
@@ -147,7 +141,27 @@ impl LightMapProblem {
             plan,
             colors,
             widths: scene.views.iter().map(|view| view.camera.size()[0]).collect(),
-        })
+        };
+        problem.targets = (0..problem.constraints.len()).map(|row| problem.target(row)).collect();
+        Ok(problem)
+    }
+
+    /// The same pixels, which show something else: what is looked for behind them is no light map.
+    pub(super) fn showing(mut self, RowRadiance { known, plain, white }: RowRadiance) -> Self {
+        (self.known_radiance, self.plain, self.white) = (known, plain, white);
+        self.targets = (0..self.constraints.len()).map(|row| self.target(row)).collect();
+        self
+    }
+
+    /// The radiance of each row under lights as bright as they are, but white.
+    pub(super) fn white(&self) -> &[Rgb] {
+        &self.white
+    }
+
+    /// b of a row, as its pixel asks for it.
+    fn target(&self, row: usize) -> Rgb {
+        let wanted = wanted(self.rule, &self.constraints[row], [&self.plain[row], &self.white[row]]);
+        rgb(|c| wanted[c] - self.known_radiance[row][c])
     }
 
     /// The distance over which what was found fades, in metres; none where it does not go beyond what rows reach.
@@ -176,8 +190,7 @@ impl LightMapProblem {
                 continue;
             }
             *pixel = wished(*pixel, painting, (self.opacity, self.keep[view]));
-            let wanted = wanted(self.rule, pixel, [&self.plain[row], &self.white[row]]);
-            self.targets[row] = rgb(|c| wanted[c] - self.known_radiance[row][c]);
+            self.targets[row] = self.target(row);
         }
     }
 

@@ -30,6 +30,7 @@ mod surfaces;
 mod surroundings;
 mod system;
 mod transfer;
+mod transfer_problem;
 mod volume;
 
 pub use assess::{Assessment, Assessor, Match};
@@ -53,6 +54,7 @@ pub use solved::Solved;
 pub use surfaces::{Surfaces, Traced};
 pub use system::{RegularizationWeights, System};
 pub use transfer::{Tinted, TransferFunction, TransferTable};
+pub use transfer_problem::TransferProblem;
 pub use volume::{
     AllVoxels, Desired, Determined, HoldOut, LeftOut, LightColumns, LitRows, Model, Occupied, Optics,
     SeenLights, Spread, Spreading, VolumeProblem, VolumeRenderer, VolumeRows, VolumeState, light_bytes,

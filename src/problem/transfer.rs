@@ -112,8 +112,16 @@ impl TransferFunction {
     }
 }
 
+/// The error for a texel that is no number.
+pub(super) fn not_a_number(texel: usize, [width, _]: [usize; 2]) -> Error {
+    Error::NonFinite {
+        what: "the transfer function".to_owned(),
+        place: format!("texel ({}, {})", texel % width, texel / width),
+    }
+}
+
 impl TransferTable {
-    fn new(
+    pub(super) fn new(
         transfer: &Transfer,
         scene: &Scene,
         geometry: &Geometry,
@@ -130,10 +138,7 @@ impl TransferTable {
             });
         }
         if let Some(index) = texels.iter().flatten().position(|value| !value.is_finite()) {
-            return Err(Error::NonFinite {
-                what: "the transfer function".to_owned(),
-                place: format!("texel ({}, {})", index / 3 % size[0], index / 3 / size[0]),
-            });
+            return Err(not_a_number(index / 3, *size));
         }
         let scattered = rgb(|c| scene.medium.albedo[c] as f32 * scene.light.radiance[c]);
         let white = f64::from(luminance(scattered)) / (4.0 * PI);
@@ -169,6 +174,11 @@ impl TransferTable {
             (texel(left, bottom), (1.0 - u) * v),
             (texel(right, bottom), u * v),
         ]
+    }
+
+    /// Those around the properties of a ray in the frame of the light.
+    pub fn corners_of(&self, ray: &ViewRay, shadow_map: &ShadowMap) -> [(usize, f64); 4] {
+        self.corners(properties(ray, shadow_map, self.axes, self.far))
     }
 
     /// The colour for two properties, both from 0 to 1.

@@ -14,8 +14,8 @@ use crate::{Error, Result};
 pub struct Pictures {
     /// One entry a view, in the order of the page.
     pub views: Vec<ViewPictures>,
-    /// The light map that was found, if one was looked for.
-    pub light_map: Option<Vec<u8>>,
+    /// What was found, where one picture shows it.
+    pub found: Option<FoundPicture>,
     /// How strongly the painted pixels determine each of its texels.
     pub coverage: Option<Vec<u8>>,
     /// What was found from all around, the first picture from the front.
@@ -24,6 +24,17 @@ pub struct Pictures {
     pub frames: Vec<(u64, Vec<u8>)>,
     /// The light from everywhere as a latitude-longitude picture, where that was found.
     pub environment: Option<Vec<u8>>,
+}
+
+/// A picture of what was found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FoundPicture {
+    /// What it is.
+    pub title: &'static str,
+    /// What it shows, in a few words.
+    pub about: String,
+    /// The PNG file.
+    pub png: Vec<u8>,
 }
 
 /// The pictures of one view, each a PNG file in memory.
@@ -80,8 +91,8 @@ fn head(report: &Report) -> String {
 
 /// What was found, as far as there are pictures of it, and how it was found.
 fn found(report: &Report, pictures: &Pictures) -> Result<String> {
-    let light_map = match &pictures.light_map {
-        Some(png) => figure("found", "The light map", "what the light passes through", "light_map", png)?,
+    let found = match &pictures.found {
+        Some(FoundPicture { title, about, png }) => figure("found", title, about, "found", png)?,
         None => String::new(),
     };
     let reach = match &pictures.coverage {
@@ -89,11 +100,11 @@ fn found(report: &Report, pictures: &Pictures) -> Result<String> {
         None => String::new(),
     };
     let coverage = coverage(report);
-    let maps = match light_map.is_empty() {
+    let maps = match found.is_empty() {
         true => coverage,
-        false => format!(
-            "<div class=\"maps\">\n{light_map}<div class=\"beside\">\n{coverage}{reach}</div>\n</div>\n"
-        ),
+        false => {
+            format!("<div class=\"maps\">\n{found}<div class=\"beside\">\n{coverage}{reach}</div>\n</div>\n")
+        }
     };
     let around = match &report.surroundings {
         Some(found) => format!("<p>Around the light map: {}.</p>\n", escaped(&found.in_words())),

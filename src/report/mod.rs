@@ -15,6 +15,6 @@ pub use data::{
     RowStrategy, Share, StageRecord, StopRecord, SunRecord, SurroundingsRecord, ViewMatch, WishShares, Work,
 };
 pub use example::example;
-pub use html::{Pictures, ViewPictures, html};
+pub use html::{FoundPicture, Pictures, ViewPictures, html};
 pub use plot::{Chart, ChartAxis, Curve, chart, convergence};
 pub use ticks::Spacing;

@@ -12,6 +12,68 @@ pub struct Looks {
     pub transfer: Vec<(f64, Transfer)>,
 }
 
+/// A kind of look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Look {
+    /// Filled holes.
+    Fill,
+    /// Extruded silhouettes.
+    Extrude,
+    /// Holes that are made.
+    Pierce,
+    /// Transfer functions.
+    Transfer,
+}
+
+impl Looks {
+    /// What there is, in a few words; none where light is as it is.
+    pub fn in_words(&self) -> Option<String> {
+        let of_edit = |edit: &OccluderEdit| {
+            let what = match &edit.kind {
+                OccluderEditKind::Fill(kernel, radius) => {
+                    let kernel = match kernel {
+                        Kernel::Disc => "a disc",
+                        Kernel::Square => "a square",
+                        Kernel::Lines(_) => "lines",
+                    };
+                    format!("holes filled with {kernel} of {}", radius.in_words())
+                }
+                OccluderEditKind::Extrude { radius, .. } => {
+                    format!("silhouettes extruded by {}", radius.in_words())
+                }
+                OccluderEditKind::Pierce(holes) => {
+                    let count = holes.pierced.iter().filter(|pierced| **pierced).count();
+                    format!("{count} of {} triangles pierced", holes.pierced.len())
+                }
+            };
+            if edit.strength < 1.0 { format!("{what} ({:.0} %)", 100.0 * edit.strength) } else { what }
+        };
+        let of_function = |(share, transfer): &(f64, Transfer)| {
+            let Transfer { size: [width, height], strength, .. } = transfer;
+            format!("a transfer function of {width} × {height} ({:.0} %)", 100.0 * share * strength)
+        };
+        let words: Vec<String> =
+            self.occluders.iter().map(of_edit).chain(self.transfer.iter().map(of_function)).collect();
+        (!words.is_empty()).then(|| words.join(", then "))
+    }
+
+    /// The same without some kinds.
+    pub fn without(&self, kinds: &[Look]) -> Self {
+        let stays = |edit: &&OccluderEdit| {
+            let kind = match edit.kind {
+                OccluderEditKind::Fill(..) => Look::Fill,
+                OccluderEditKind::Extrude { .. } => Look::Extrude,
+                OccluderEditKind::Pierce(_) => Look::Pierce,
+            };
+            !kinds.contains(&kind)
+        };
+        Self {
+            occluders: self.occluders.iter().filter(stays).cloned().collect(),
+            transfer: if kinds.contains(&Look::Transfer) { Vec::new() } else { self.transfer.clone() },
+        }
+    }
+}
+
 /// An edit of a shadow map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OccluderEdit {
@@ -55,6 +117,15 @@ pub enum Radius {
     Texels(f64),
     /// In metres.
     Metres(f64),
+}
+
+impl Radius {
+    fn in_words(self) -> String {
+        match self {
+            Self::Texels(texels) => format!("{texels} texels"),
+            Self::Metres(length) => format!("{length} units"),
+        }
+    }
 }
 
 /// Holes where noise is below a threshold.

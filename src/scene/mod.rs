@@ -40,14 +40,14 @@ pub use image::{Image, RgbaImage};
 pub use lens::{Lens, Projection};
 pub use light::{DirectionalLight, LightFrame};
 pub use light_basis::{BasisLight, LightBasis, Over};
-pub use looks::{HoleNoise, Holes, Kernel, Looks, OccluderEdit, OccluderEditKind, Radius, Sway};
+pub use looks::{HoleNoise, Holes, Kernel, Look, Looks, OccluderEdit, OccluderEditKind, Radius, Sway};
 pub use medium::{Medium, henyey_greenstein};
 pub use mesh::{AlphaMask, Material, Mesh, Object};
 pub use primitive::Primitive;
 pub use procedural::{Blob, Noise, Procedural};
 pub use settings::{
     Basis, Fade, MapFit, MapSettings, MetricName, Opacity, Quadrature, Regularization, RegularizationWeight,
-    SolveSettings, SolverName, Strategy, Target,
+    SolveSettings, SolverName, Sought, Strategy, Target,
 };
 pub use skipping::Skipping;
 pub use strokes::Stroke;
@@ -104,6 +104,8 @@ pub struct Scene {
     pub light_map: MapSettings,
     /// Resolution and extent of the shadow map.
     pub shadow_map: MapSettings,
+    /// What is looked for behind paint.
+    pub find: Sought,
     /// What a painted colour means.
     pub target: Target,
     /// What the opacity of paint means.

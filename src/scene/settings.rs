@@ -56,6 +56,16 @@ pub enum Quadrature {
     },
 }
 
+/// What is looked for behind paint on light shafts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Sought {
+    /// The light map of the sun.
+    #[default]
+    LightMap,
+    /// The transfer function that colours scattered light.
+    Transfer,
+}
+
 /// What a painted colour asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Target {

@@ -19,6 +19,20 @@ pub struct Transfer {
     pub strength: f64,
 }
 
+impl Default for Transfer {
+    /// A white factor over visibility and depth.
+    fn default() -> Self {
+        Self {
+            role: TransferRole::Factor,
+            axes: [TransferAxis::Visibility, TransferAxis::Depth],
+            size: [128, 128],
+            far: None,
+            layers: Vec::new(),
+            strength: 1.0,
+        }
+    }
+}
+
 /// What the colours of a transfer function are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TransferRole {

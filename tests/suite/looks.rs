@@ -1,10 +1,14 @@
 //! Edits of what casts shadows: pictures and solves see them, surfaces do not.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use unscatter::Error;
 use unscatter::operator::{CpuVector, FromHost, LinearOperator, TransportOperator, adjoint_test};
-use unscatter::problem::{Canvas, DrawnLight, LightMapProblem, Maps, Problem, Renderer, fit, render};
+use unscatter::problem::{
+    Canvas, DrawnLight, LightMapProblem, Maps, Problem, Renderer, Traced, TransferProblem, constraints, fit,
+    render,
+};
 use unscatter::scene::{OccluderEditKind, Rgb, Scene, Strategy};
 use unscatter::visibility::Geometry;
 
@@ -30,14 +34,26 @@ const SCENE: &str = r##"{
 }"##;
 
 fn loaded(looks: &str) -> unscatter::Result<Scene> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("scene.json");
-    std::fs::write(&path, SCENE.replace("LOOKS", looks)).unwrap();
-    unscatter::io::scene_file::load(&path, &[])
+    loaded_with(tempfile::tempdir().unwrap().path(), looks, &[])
 }
 
-fn scene(looks: &str) -> Scene {
+/// From a folder, with values replaced.
+pub(crate) fn loaded_with(folder: &Path, looks: &str, overrides: &[&str]) -> unscatter::Result<Scene> {
+    let path = folder.join("scene.json");
+    std::fs::write(&path, SCENE.replace("LOOKS", looks)).unwrap();
+    let overrides: Vec<String> = overrides.iter().map(|&set| set.to_owned()).collect();
+    unscatter::io::scene_file::load(&path, &overrides)
+}
+
+pub(crate) fn scene(looks: &str) -> Scene {
     loaded(looks).unwrap()
+}
+
+/// A transfer function is looked for behind its stroke.
+pub(crate) fn transfer_problem(looks: &str) -> TransferProblem {
+    let scene = scene(looks);
+    let geometry = Arc::new(Geometry::new(scene.mesh.clone()).unwrap());
+    TransferProblem::of(&scene, &geometry, constraints(&scene).unwrap(), &Traced).unwrap()
 }
 
 fn maps(scene: &Scene) -> Maps {
@@ -258,8 +274,6 @@ fn transfer_functions_as_colors_take_the_place_of_scattered_light() {
         let green = table.at([0.0, angle])[1] / table.at([1.0, angle])[1];
         assert!(green < 0.01, "the first axis is visibility: {green}");
     }
-    let whole = of(&looks(1.0));
-    assert!(whole.traversal.rays().iter().all(|ray| ray.scattering == [0.0; 3]));
     // What no light map can change says so.
     let error = unscatter::job::Job::new(scene(&looks(1.0))).solve(&mut unscatter::job::Quiet).unwrap_err();
     assert!(error.to_string().contains("looks.transfer"), "{error}");
@@ -274,7 +288,7 @@ fn two_functions_with_shares_are_mixed_as_keys_are() {
     };
     let functions: Vec<unscatter::scene::Transfer> = [
         r##"{"far": 8, "layers": [{"gradient": {"along": "depth", "from": "#ff0000", "to": "#ffffff"}}]}"##,
-        r##"{"as": "color", "size": [7, 3], "axes": ["position", "visibility"], "layers": [{"solid": {"color": [0.2, 2, 1]}}]}"##,
+        r##"{"as": "color", "strength": 0.8, "size": [7, 3], "axes": ["position", "visibility"], "layers": [{"solid": {"color": [0.2, 2, 1]}}]}"##,
     ]
     .iter()
     .map(|transfer| scene(&format!(r#"{{"transfer": {transfer}}}"#)).looks.transfer.remove(0).1)

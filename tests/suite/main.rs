@@ -36,6 +36,7 @@ mod surroundings;
 mod threads;
 #[path = "../tolerances.rs"]
 mod tolerances;
+mod transfer;
 mod vdb_peer;
 mod volume;
 #[path = "../volumes/mod.rs"]

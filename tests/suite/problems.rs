@@ -1,4 +1,4 @@
-//! What every kind of problem promises as a `Problem`: light maps, all that is looked for in volumes, and lights around them.
+//! What every kind of problem promises as a `Problem`: light maps, transfer functions, all that is looked for in volumes, and lights around them.
 
 use unscatter::operator::{LinearOperator, NOWHERE, TransportOperator, adjoint_test};
 use unscatter::problem::{LightMapProblem, Problem};
@@ -13,6 +13,7 @@ fn each(mut check: impl FnMut(&str, &dyn Problem)) {
     for case in mist::CASES.iter().chain([&mist::SHAFTS]) {
         check(&format!("{case:?}"), &LightMapProblem::new(&mist::scene_of(case)).unwrap());
     }
+    check("a transfer function", &crate::looks::transfer_problem("{}"));
     let cloud = Cloud::seen_twice(false, Interpolation::Trilinear).shrunk(16);
     let mut scene = cloud.scene();
     scene.environment = Environment::constant([1.0, 0.8, 0.6], 8).unwrap();

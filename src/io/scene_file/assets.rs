@@ -9,7 +9,7 @@ use crate::io::gltf::{GltfCamera, GltfScene};
 use crate::io::image::Association;
 use crate::io::transforms::Shot;
 use crate::io::volume::Stored;
-use crate::io::{image, machine, obj, transforms, volume};
+use crate::io::{image, input, machine, obj, transforms, volume};
 use crate::scene::{Image, Mesh, Rgb, RgbaImage, VoxelGrid};
 use crate::{Error, Result};
 
@@ -120,6 +120,24 @@ impl Assets {
     /// A picture without weights, for a view of that size.
     pub(super) fn image(&self, file: &FileName, size: [usize; 2]) -> Built<Image> {
         self.of_size("picture", file, size, image::read_image)
+    }
+
+    /// The bytes of a file of looks, and where it lies.
+    pub(super) fn text(&self, file: &FileName) -> Result<(PathBuf, Vec<u8>)> {
+        const MOST: u64 = 16 << 20;
+        let path = self.path(file)?;
+        let bytes = input::bytes(&path, MOST, "keep pictures in files of their own")?;
+        Ok((path, bytes))
+    }
+
+    /// The same for names in another file.
+    pub(super) fn beside_file(&self, file: &Path) -> Self {
+        Self { budget: self.budget, ..Self::beside(file) }
+    }
+
+    /// Width and height of a picture.
+    pub(super) fn size_of(&self, file: &FileName) -> Result<[usize; 2]> {
+        image::size_of(&self.path(file)?)
     }
 
     /// A picture of a transfer function.

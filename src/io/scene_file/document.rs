@@ -24,6 +24,9 @@ use super::surroundings::Surroundings;
 use super::unit::Unit;
 use super::view::View;
 
+/// Pull to equal neighbours in a transfer function: less leaves bands between strokes, and more paint unmet (docs/looks.md).
+const TRANSFER_GRADIENT: f64 = 4.0;
+
 /// An unscatter scene. Lengths are in metres, angles in degrees, radiance is linear Rec. 709; cameras look along
 /// −Z with +Y up. File names are relative to the scene file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -84,6 +87,10 @@ pub struct Document {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
     pub shadow_map: ShadowMap,
+    /// What is looked for behind paint.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(!skip_serializing_if)]
+    pub find: Sought,
     /// What a painted colour asks for.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
@@ -100,6 +107,17 @@ pub struct Document {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
     pub solve: Solve,
+}
+
+/// What is looked for behind paint.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sought {
+    /// The light map of the sun: what it shines through.
+    #[default]
+    LightMap,
+    /// The transfer function of `looks`: the colour of scattered light for two properties of a view ray.
+    Transfer,
 }
 
 /// What a painted colour asks for.
@@ -149,6 +167,7 @@ impl Document {
             looks: Looks::default(),
             light_map: LightMap::default(),
             shadow_map: ShadowMap::default(),
+            find: Sought::default(),
             target: Target::default(),
             opacity: Opacity::default(),
             exposure: Exposure::default(),
@@ -169,9 +188,9 @@ impl Document {
         let shadow_map = self.shadow_map.build().at("shadow_map")?;
         let exposure = self.exposure.build()?;
         let mut solve =
-            self.solve.build_light_map(self.light_map.texels(), self.light_map.basis.into()).at("solve")?;
+            self.solve().build_light_map(self.light_map.texels(), self.light_map.basis.into()).at("solve")?;
         let light = self.light.build(&mut assets).at("light")?;
-        if self.is_gobo() && self.solve.upper.is_none() {
+        if self.find == Sought::LightMap && self.is_gobo() && self.solve.upper.is_none() {
             solve.bounds[1] = light.radiance.map(f64::from);
         }
         let surroundings = self.surroundings.as_ref();
@@ -191,11 +210,21 @@ impl Document {
             looks,
             light_map,
             shadow_map,
+            find: self.find.into(),
             target: self.target.into(),
             opacity: self.opacity.into(),
             solve,
             exposure,
         })
+    }
+
+    /// How the problem is solved, with what follows from what is looked for.
+    fn solve(&self) -> Solve {
+        let mut solve = self.solve.clone();
+        if self.find == Sought::Transfer {
+            solve.gradient.get_or_insert_with(|| TRANSFER_GRADIENT.into());
+        }
+        solve
     }
 
     /// Whether the light map only dims.
@@ -207,6 +236,7 @@ impl Document {
     pub(super) fn settle(&mut self, file: &Path) {
         self.schema = None;
         self.light_map.gobo = Some(self.is_gobo());
+        self.solve = self.solve();
         self.solve.settle_light_map(self.light_map.texels());
         self.name.get_or_insert_with(|| stem(file));
         self.light.settle();
@@ -240,6 +270,15 @@ pub(super) fn check_names<'a>(views: impl Iterator<Item = &'a str>) -> Built<()>
 /// A flaw that says which version this library reads.
 pub(super) fn unknown_version(version: impl ToString) -> Flaw {
     Flaw::value("version", version, "1, the version of the format that this program reads")
+}
+
+impl From<Sought> for scene::Sought {
+    fn from(sought: Sought) -> Self {
+        match sought {
+            Sought::LightMap => Self::LightMap,
+            Sought::Transfer => Self::Transfer,
+        }
+    }
 }
 
 impl From<Target> for scene::Target {

@@ -6,7 +6,9 @@ use serde::{Deserialize, Serialize};
 use crate::scene::{self, HoleNoise, Holes, Mesh, OccluderEditKind, Radius, Sway};
 
 use super::assets::Assets;
+use super::file_name::FileName;
 use super::flaw::{At, Built, Flaw, checked, within};
+use super::scene_text::SceneText;
 use super::transfer::Transfer;
 use super::view::view_number;
 use super::wording::nearest;
@@ -15,6 +17,10 @@ use super::wording::nearest;
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Looks {
+    /// A file of looks, which carries a mood from scene to scene: `.json` with what may stand here, alone or under `looks`; or an EXR or
+    /// PNG picture, which is a transfer function. What stands beside it takes the place of what it says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<FileName>,
     /// Edits of what casts shadows in the air, one after the other. Surfaces keep the shadows that they have.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(!skip_serializing_if)]
@@ -141,6 +147,22 @@ pub struct HoleSway {
 
 impl Looks {
     pub(super) fn build(&self, views: &[scene::View], mesh: &Mesh, assets: &Assets) -> Built<scene::Looks> {
+        let mut mood = match &self.file {
+            Some(file) => mood(file, views, mesh, assets).at("file")?,
+            None => scene::Looks::default(),
+        };
+        let own = self.build_own(views, mesh, assets)?;
+        if !own.occluders.is_empty() {
+            mood.occluders = own.occluders;
+        }
+        if !own.transfer.is_empty() {
+            mood.transfer = own.transfer;
+        }
+        Ok(mood)
+    }
+
+    /// What stands here, whatever a file says.
+    fn build_own(&self, views: &[scene::View], mesh: &Mesh, assets: &Assets) -> Built<scene::Looks> {
         let transfer = self.transfer.as_ref();
         let transfer = transfer.map(|it| it.build(views, mesh, assets).at("transfer")).transpose()?;
         let edits = self.occluders.iter().enumerate();
@@ -148,6 +170,36 @@ impl Looks {
         let transfer = transfer.map(|it| (1.0, it)).into_iter().collect();
         Ok(scene::Looks { occluders: edits.collect::<Built<_>>()?, transfer })
     }
+}
+
+/// The looks of a file.
+fn mood(file: &FileName, views: &[scene::View], mesh: &Mesh, assets: &Assets) -> Built<scene::Looks> {
+    if !file.to_string().to_ascii_lowercase().ends_with(".json") {
+        let looks = Looks { transfer: Some(Transfer::picture(file, assets)?), ..Looks::default() };
+        return looks.build_own(views, mesh, assets);
+    }
+    let (path, bytes) = assets.text(file)?;
+    let source = SceneText::of(&bytes, &path)?;
+    let mut value = source.value()?;
+    let is_scene = value.get("looks").is_some();
+    if is_scene {
+        value = serde_json::json!({ "looks": value["looks"].take() });
+    }
+    let looks = match is_scene {
+        true => source.read::<SceneLooks>(&value)?.looks,
+        false => source.read(&value)?,
+    };
+    if looks.file.is_some() {
+        return Err(Flaw::new("", "a file of looks names no other such file"));
+    }
+    let built = looks.build_own(views, mesh, &assets.beside_file(&path));
+    Ok(source.placed(if is_scene { built.at("looks") } else { built })?)
+}
+
+/// The looks of a whole scene file.
+#[derive(Deserialize)]
+struct SceneLooks {
+    looks: Looks,
 }
 
 impl OccluderEdit {
@@ -235,9 +287,22 @@ fn known(field: &str, names: &[String], there: &[&str], what: &str) -> Built<()>
     let unknown = names.iter().position(|name| !there.contains(&name.as_str()));
     unknown.map_or(Ok(()), |i| {
         let (name, near) = (&names[i], nearest(&names[i], there));
-        let remedy = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+        let remedy = match near {
+            Some(near) => format!("; did you mean `{near}`?"),
+            None if there.is_empty() => format!("; no {what} here has a name"),
+            None => format!("; there are {}", listed(there)),
+        };
         Err(Flaw::new(format!("{field}[{i}]"), format!("no {what} is called `{name}`{remedy}")))
     })
+}
+
+/// Some names at most, each once.
+fn listed(names: &[&str]) -> String {
+    const MOST: usize = 12;
+    let names: std::collections::BTreeSet<&str> = names.iter().copied().collect();
+    let shown: Vec<String> = names.iter().take(MOST).map(|name| format!("`{name}`")).collect();
+    let more = if names.len() > MOST { ", and others" } else { "" };
+    format!("{}{more}", shown.join(", "))
 }
 
 /// The eye of a view.

@@ -44,13 +44,12 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::io::input::{self, NotUtf8};
+use crate::Result;
 use crate::scene::{Scene, VolumeScene};
-use crate::{Error, Result};
 
 pub use channels::{Channels, Paint, Scale};
 pub use defaults::Defaults;
-pub use document::{Document, Opacity, Target};
+pub use document::{Document, Opacity, Sought, Target};
 pub use exposure::Exposure;
 pub use file_name::FileName;
 pub use gltf_node::GltfNode;
@@ -83,10 +82,7 @@ pub use write::{write, write_volume};
 use flaw::{Built, Flaw};
 use locate::Aim;
 use overrides::Override;
-use path::{DocumentPath, Segment};
-use read::Broken;
 use scene_text::SceneText;
-use wording::About;
 
 /// Reads a scene file and everything that it names.
 ///
@@ -213,18 +209,13 @@ fn scene_from_bytes(bytes: &[u8], file: &Path, overrides: &[String]) -> Result<S
 
 /// The scene, and the document that describes it.
 fn scene_of<D: Describes>(bytes: &[u8], file: &Path, overrides: &[String]) -> Result<(D::Scene, D)> {
-    let text = input::decoded(bytes).map_err(|error| {
-        let valid = if let NotUtf8::Behind(text) = error { text } else { "" };
-        let source = SceneText { file, text: valid, set: Vec::new() };
-        source.error_at_offset(valid.len(), &DocumentPath::default(), error.to_string())
-    })?;
-    let mut source = SceneText { file, text, set: Vec::new() };
+    let mut source = SceneText::of(bytes, file)?;
     let document: D = document(&mut source, overrides)?;
     Ok((source.placed(document.scene(file))?, document))
 }
 
 fn document<D: Describes>(source: &mut SceneText<'_>, overrides: &[String]) -> Result<D> {
-    let mut value = read::value(source.text).map_err(|broken| syntax_error(source, broken))?;
+    let mut value = source.value()?;
     for text in overrides {
         let change = Override::parse(text)?;
         let path = change.path.clone();
@@ -236,7 +227,7 @@ fn document<D: Describes>(source: &mut SceneText<'_>, overrides: &[String]) -> R
     if D::SUBJECT == Subject::LightMap {
         defaults::put_into(&mut value);
     }
-    serde_path_to_error::deserialize(&value).map_err(|error| mismatch(source, &value, &error))
+    source.read(&value)
 }
 
 fn check_version(value: &Value) -> Result<(), Flaw> {
@@ -246,50 +237,4 @@ fn check_version(value: &Value) -> Result<(), Flaw> {
         }
         _ => Ok(()),
     }
-}
-
-fn syntax_error(source: &SceneText<'_>, broken: Broken) -> Error {
-    match broken {
-        Broken::TooMany(error) => error,
-        Broken::Syntax { path, offset, problem } => source.error_at_offset(offset, &path, problem),
-        Broken::Duplicate(path) => {
-            let problem = "this key occurs twice in its object; remove one".to_owned();
-            source.error(&path, Aim::SecondKey, problem, None)
-        }
-    }
-}
-
-/// The error for JSON values that are not a [`Document`].
-fn mismatch(
-    source: &SceneText<'_>,
-    value: &Value,
-    error: &serde_path_to_error::Error<serde_json::Error>,
-) -> Error {
-    use serde_path_to_error::Segment as Step;
-    let steps = error.path().iter().filter_map(|step| match step {
-        Step::Seq { index } => Some(Segment::Index(*index)),
-        Step::Map { key } | Step::Enum { variant: key } => Some(Segment::Key(key.clone())),
-        Step::Unknown => None,
-    });
-    let mut path = DocumentPath(steps.collect());
-    let wording = wording::of(&error.inner().to_string());
-    let aim = match (wording.about, only_key(value, &path)) {
-        (About::Field, _) => Aim::Key,
-        (About::Variant, Some(key)) => {
-            path.0.push(Segment::Key(key));
-            Aim::Key
-        }
-        _ => Aim::Value,
-    };
-    source.error(&path, aim, wording.problem, wording.suggestion)
-}
-
-/// The key of the object at `path`, when it has exactly one.
-fn only_key(value: &Value, path: &DocumentPath) -> Option<String> {
-    let place = path.0.iter().try_fold(value, |place, segment| match segment {
-        Segment::Key(key) => place.get(key),
-        Segment::Index(index) => place.get(index),
-    });
-    let object = place?.as_object()?;
-    object.keys().next().filter(|_| object.len() == 1).cloned()
 }

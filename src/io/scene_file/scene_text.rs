@@ -2,11 +2,17 @@
 
 use std::path::Path;
 
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use crate::io::input::{self, NotUtf8};
 use crate::{Error, Result};
 
 use super::flaw::Flaw;
 use super::locate::{Aim, locate, position};
-use super::path::DocumentPath;
+use super::path::{DocumentPath, Segment};
+use super::read::{self, Broken};
+use super::wording::{self, About};
 
 /// Bytes of a line that a person can still read; longer ones are written by programs, and a column says more than they do.
 const READABLE: usize = 200;
@@ -20,7 +26,57 @@ pub(super) struct SceneText<'a> {
     pub(super) set: Vec<DocumentPath>,
 }
 
+impl<'a> SceneText<'a> {
+    /// The text of a file's bytes.
+    pub(super) fn of(bytes: &'a [u8], file: &'a Path) -> Result<Self> {
+        let text = input::decoded(bytes).map_err(|error| {
+            let valid = if let NotUtf8::Behind(text) = error { text } else { "" };
+            let source = SceneText { file, text: valid, set: Vec::new() };
+            source.error_at_offset(valid.len(), &DocumentPath::default(), error.to_string())
+        })?;
+        Ok(Self { file, text, set: Vec::new() })
+    }
+}
+
 impl SceneText<'_> {
+    /// The text as JSON.
+    pub(super) fn value(&self) -> Result<Value> {
+        read::value(self.text).map_err(|broken| match broken {
+            Broken::TooMany(error) => error,
+            Broken::Syntax { path, offset, problem } => self.error_at_offset(offset, &path, problem),
+            Broken::Duplicate(path) => {
+                let problem = "this key occurs twice in its object; remove one".to_owned();
+                self.error(&path, Aim::SecondKey, problem, None)
+            }
+        })
+    }
+
+    /// What the JSON of the text says.
+    pub(super) fn read<T: DeserializeOwned>(&self, value: &Value) -> Result<T> {
+        serde_path_to_error::deserialize(value).map_err(|error| self.mismatch(value, &error))
+    }
+
+    /// The error for JSON values that are not what is read.
+    fn mismatch(&self, value: &Value, error: &serde_path_to_error::Error<serde_json::Error>) -> Error {
+        use serde_path_to_error::Segment as Step;
+        let steps = error.path().iter().filter_map(|step| match step {
+            Step::Seq { index } => Some(Segment::Index(*index)),
+            Step::Map { key } | Step::Enum { variant: key } => Some(Segment::Key(key.clone())),
+            Step::Unknown => None,
+        });
+        let mut path = DocumentPath(steps.collect());
+        let wording = wording::of(&error.inner().to_string());
+        let aim = match (wording.about, only_key(value, &path)) {
+            (About::Field, _) => Aim::Key,
+            (About::Variant, Some(key)) => {
+                path.0.push(Segment::Key(key));
+                Aim::Key
+            }
+            _ => Aim::Value,
+        };
+        self.error(&path, aim, wording.problem, wording.suggestion)
+    }
+
     /// The error for what is wrong at `path`.
     pub(super) fn error(
         &self,
@@ -72,6 +128,16 @@ impl SceneText<'_> {
             ""
         }
     }
+}
+
+/// The key of the object at `path`, when it has exactly one.
+fn only_key(value: &Value, path: &DocumentPath) -> Option<String> {
+    let place = path.0.iter().try_fold(value, |place, segment| match segment {
+        Segment::Key(key) => place.get(key),
+        Segment::Index(index) => place.get(index),
+    });
+    let object = place?.as_object()?;
+    object.keys().next().filter(|_| object.len() == 1).cloned()
 }
 
 /// A line and those beside it; nothing where they are too long to be read.

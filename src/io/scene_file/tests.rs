@@ -4,8 +4,9 @@ use std::path::Path;
 
 use proptest::prelude::*;
 
+use super::path::{DocumentPath, Segment};
 use super::*;
-use crate::scene;
+use crate::{Error, scene};
 
 const GOOD: &str = r##"{
   "$schema": "https://example.org/scene.schema.json",

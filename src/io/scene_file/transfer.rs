@@ -184,6 +184,25 @@ pub enum Blend {
 }
 
 impl Transfer {
+    /// A picture as a function, texel by texel.
+    pub(super) fn picture(file: &FileName, assets: &Assets) -> Built<Self> {
+        let size = assets.size_of(file)?;
+        if size.iter().any(|side| *side > MOST) {
+            let problem =
+                format!("the picture has {} x {} pixels; {MOST} a side are allowed", size[0], size[1]);
+            return Err(Flaw::new("", problem));
+        }
+        let image = TransferImage { file: file.clone(), blend: Blend::Alpha, opacity: 1.0 };
+        Ok(Self {
+            role: TransferRole::Factor,
+            axes: axes(),
+            far: None,
+            size,
+            layers: vec![TransferLayer::Image(image)],
+            strength: 1.0,
+        })
+    }
+
     pub(super) fn build(
         &self,
         views: &[scene::View],

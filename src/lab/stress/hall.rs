@@ -7,7 +7,7 @@ use crate::Result;
 use crate::problem::LightMapProblem;
 use crate::scene::{
     Camera, DirectionalLight, FovAxis, Looks, MapFit, MapSettings, Medium, Mesh, Opacity, Primitive, Scene,
-    SolveSettings, Stroke, Target, View, look_at,
+    SolveSettings, Sought, Stroke, Target, View, look_at,
 };
 
 /// Walls, floor and roof: middle and size.
@@ -60,6 +60,7 @@ pub(super) fn hall(of: &Hall) -> Result<Scene> {
         light_map: map(32),
         shadow_map: map(96),
         metres_per_unit: 1.0,
+        find: Sought::LightMap,
         target: Target::Tint,
         opacity: Opacity::Strength,
         solve: SolveSettings { tolerance: 1e-6, iterations: 2000, ..SolveSettings::default() },

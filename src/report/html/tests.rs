@@ -54,12 +54,16 @@ fn pictures() -> Pictures {
         turntable: Vec::new(),
         environment: None,
         views: vec![view("front", 0.0), view("aisle", 0.4), view("window", 0.9)],
-        light_map: Some(painted([512, 512], glass)),
+        found: Some(found(painted([512, 512], glass))),
         coverage: Some(painted([512, 512], |u, v| {
             let strength = (1.0 - 2.2 * (u - 0.5).hypot(v - 0.55)).max(0.0) * (0.8 + 0.2 * (u * 40.0).sin());
             [strength, strength * 0.78, strength * 0.45]
         })),
     }
+}
+
+fn found(png: Vec<u8>) -> FoundPicture {
+    FoundPicture { title: "The light map", about: "what the light passes through".to_owned(), png }
 }
 
 #[test]
@@ -81,7 +85,7 @@ fn pictures_are_in_the_page_byte_for_byte() {
         .skip(1)
         .map(|rest| STANDARD.decode(rest.split('"').next().unwrap()).unwrap())
         .collect();
-    assert_eq!(Some(&inlined[0]), pictures.light_map.as_ref());
+    assert_eq!(Some(&inlined[0]), pictures.found.as_ref().map(|found| &found.png));
     assert_eq!(Some(&inlined[1]), pictures.coverage.as_ref());
     assert_eq!(inlined[2], pictures.views[0].target);
     assert_eq!(inlined[13], pictures.views[2].difference);
@@ -176,7 +180,7 @@ fn tags_are_balanced() {
 
 #[test]
 fn what_is_missing_is_left_out() {
-    let pictures = Pictures { light_map: Some(painted([1, 1], |_, _| [1.0; 3])), ..Pictures::default() };
+    let pictures = Pictures { found: Some(found(painted([1, 1], |_, _| [1.0; 3]))), ..Pictures::default() };
     let page = html(&Report::default(), &pictures).unwrap();
     for part in ["Convergence", "What was skipped", "Memory", "Hue error", "Views", "NaN", "inf"] {
         assert!(!page.contains(&format!(">{part}")), "{part}");

@@ -38,7 +38,7 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     ("Extrude", &["texels"]),
     // One way of saying where.
     ("TransferPoint", &["at", "view", "pixel", "triangle", "corners"]),
-    ("Looks", &["transfer"]),
+    ("Looks", &["file", "transfer"]),
     // No limits; what follows from the medium of a painted volume; and the memory of the machine.
     ("Solve", &["seconds", "noise", "upper", "tikhonov", "gradient", "fade", "memory"]),
     ("Surroundings", &["environment"]),
