@@ -47,6 +47,9 @@ pub(super) fn solve(
     let problem = trace(scene, engine, options.rasterize, steps, &TransferProblem::of)?;
     steps.go_on()?;
     warnings::tell_of_fog(scene, &problem.pixels.maps.geometry);
+    if problem.table.role == TransferRole::Factor {
+        warnings::tell_of_shadow(scene, &problem.pixels)?;
+    }
     let memory = MemoryBudget::of_light_map(scene);
     let settings = memory.settled(scene.solve.clone(), &problem)?;
     let keeper = |folder| Keeper::new(folder, "checkpoint", &settings, &problem);
@@ -69,6 +72,7 @@ pub(super) fn solve(
         let assessor = Assessor::of_transfer(&problem, operator)?;
         Ok([assessor.assess(&problem.table.texels, views)?, assessor.assess(texels, views)?])
     })?;
+    warnings::tell_of_contested_function(&assessments[1].all);
     let pictures = match options.pictures {
         true => {
             steps.begin("rendering", Some(scene.views.len() as u64));

@@ -1,8 +1,6 @@
 //! What a painted scene and its light map give reason to warn of.
 
-use rayon::prelude::*;
-
-use crate::problem::{LightMapProblem, Maps, Match, paint};
+use crate::problem::{LightMapProblem, Maps, Match, paint, seen_distances};
 use crate::report::LightRecord;
 use crate::scene::{Scene, Stroke, View};
 use crate::visibility::{Behind, Geometry};
@@ -78,16 +76,9 @@ pub(super) fn tell_of_hidden(geometry: &Geometry) {
 
 /// The median distance to the surfaces that a view sees; none where it sees few.
 fn depth_of(view: &View, geometry: &Geometry) -> Option<f64> {
-    let [width, height] = view.camera.size();
-    let along = |side: usize| (side.min(PIXEL_STRIDE) / 2..side).step_by(PIXEL_STRIDE);
-    let pixels: Vec<[usize; 2]> = along(height).flat_map(|y| along(width).map(move |x| [x, y])).collect();
-    let hit = |&[x, y]: &[usize; 2]| geometry.first_hit(&view.camera.pixel_ray(x, y), f64::INFINITY);
-    let mut distances: Vec<f64> = pixels.par_iter().filter_map(hit).map(|hit| hit.distance).collect();
-    if (distances.len() as f64) < LEAST_HITS * pixels.len() as f64 || distances.is_empty() {
-        return None;
-    }
-    let middle = distances.len() / 2;
-    Some(*distances.select_nth_unstable_by(middle, f64::total_cmp).1)
+    let (distances, rays) = seen_distances(view, geometry, PIXEL_STRIDE);
+    let sees_few = (distances.len() as f64) < LEAST_HITS * rays as f64;
+    distances.get(distances.len() / 2).copied().filter(|_| !sees_few)
 }
 
 /// A number with two figures.
@@ -157,6 +148,20 @@ fn unlit(problem: &LightMapProblem, rows: &[usize], view: &View, stroke: &Stroke
         }
     }
     Ok(if all > 0.0 { dark / all } else { 0.0 })
+}
+
+/// Tells of a transfer function in which paint contradicts other paint.
+pub(super) fn tell_of_contested_function(matched: &Match) {
+    let contested = matched.contested as f64 / matched.pixels.max(1) as f64;
+    if contested > CONTESTED {
+        let text = format!(
+            "{:.0} % of the painted pixels have the axes' values of paint of another colour; no function meets both",
+            100.0 * contested
+        );
+        let remedy =
+            "give paint on rays of the same visibility and depth one colour, or look for a light map";
+        Warning::new("contradicted-paint", text, remedy).tell();
+    }
 }
 
 /// Tells of what a light map that was found cannot do.

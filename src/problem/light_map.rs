@@ -71,6 +71,8 @@ pub struct LightMapProblem {
     colors: Colors,
     /// Columns of each view's picture.
     widths: Vec<usize>,
+    /// Whether what rows show is their weight, all of it and that from outside the map, times the light's radiance.
+    knows_weights: bool,
 }
 
 impl LightMapProblem {
@@ -124,7 +126,10 @@ impl LightMapProblem {
             && scene.solve.regularization.gradient != RegularizationWeight::Relative(0.0);
         let lit = if spreads { lit_texels(scene, &maps) } else { Arc::default() };
         let further_start = scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(start));
+        let adds = maps.transfer.as_ref().is_some_and(|it| it.adds());
+        let knows_weights = further_start.is_empty() && start.iter().all(|&light| light > 0.0) && !adds;
         let mut problem = Self {
+            knows_weights,
             constraints,
             maps,
             traversal,
@@ -149,6 +154,7 @@ impl LightMapProblem {
     /// The same pixels, which show something else: what is looked for behind them is no light map.
     pub(super) fn showing(mut self, RowRadiance { known, plain, white }: RowRadiance) -> Self {
         (self.known_radiance, self.plain, self.white) = (known, plain, white);
+        self.knows_weights = false;
         self.targets = (0..self.constraints.len()).map(|row| self.target(row)).collect();
         self
     }
@@ -215,12 +221,12 @@ impl LightMapProblem {
     /// Whether no light of the sun is scattered towards the eye along a row.
     pub fn is_dark(&self, row: usize) -> bool {
         let shows_nothing = self.plain[row] == [0.0; 3];
-        if self.knows_weights() { shows_nothing } else { self.traversal.lit_weight(row) == [0.0; 3] }
+        if self.knows_weights { shows_nothing } else { self.traversal.lit_weight(row) == [0.0; 3] }
     }
 
     /// The weight of all texels on a row together.
     pub fn weight_of_texels(&self, row: usize) -> [f64; 3] {
-        if self.knows_weights() {
+        if self.knows_weights {
             return rgb(|c| (self.plain[row][c] - self.known_radiance[row][c]) / self.start[c])
                 .map(f64::from);
         }
@@ -242,7 +248,7 @@ impl LightMapProblem {
     /// The share of the painted pixels' light that comes from outside the light map, where it keeps its colour.
     pub fn share_from_outside(&self) -> f64 {
         let sum = |weight: [f64; 3]| weight.iter().sum::<f64>();
-        let is_known = self.knows_weights();
+        let is_known = self.knows_weights;
         let known = |radiance: Rgb| rgb(|c| radiance[c] / self.start[c]).map(f64::from);
         let of = |row: usize| match is_known {
             true => [known(self.known_radiance[row]), known(self.plain[row])].map(sum),
@@ -254,13 +260,6 @@ impl LightMapProblem {
         });
         let [outside, all] = rows.iter().fold([0.0; 2], |sums, row| [sums[0] + row[0], sums[1] + row[1]]);
         outside / all
-    }
-
-    /// Whether what rows show is their weight, all of it and that from outside the map, times the light's radiance.
-    fn knows_weights(&self) -> bool {
-        self.further_start.is_empty()
-            && self.start.iter().all(|&light| light > 0.0)
-            && !self.maps.transfer.as_ref().is_some_and(|it| it.adds())
     }
 
     /// The problem of some of its rows.

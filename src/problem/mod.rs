@@ -48,6 +48,7 @@ pub use painting::{Painting, paint};
 pub use rasterized::Rasterized;
 pub use reach::{OutOfReach, held_back};
 pub use render::{Backdrop, DrawnLight, Renderer, Rendering, render};
+pub(crate) use sight::seen_distances;
 pub use sky::SkyBeam;
 pub use solution::{Begin, Paused, Snapshot, SystemOperator, measure, method, minimize, solve, vectors};
 pub use solved::Solved;

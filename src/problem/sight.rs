@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::Constraint;
 use crate::Result;
-use crate::scene::{Extent, Grid, LightFrame, MapSettings, Mesh, Ray, Scene};
+use crate::scene::{Extent, Grid, LightFrame, MapSettings, Mesh, Ray, Scene, View};
 use crate::visibility::Geometry;
 
 /// Transmittance at which a ray that hits nothing no longer counts for the extent of the maps.
@@ -72,6 +72,17 @@ impl Sight {
             extent.include(DVec2::new(p.x, p.y))
         })
     }
+}
+
+/// Distances to the surfaces that a view sees, from the nearest on, and how many rays were asked: one in so many pixels along both axes.
+pub fn seen_distances(view: &View, geometry: &Geometry, stride: usize) -> (Vec<f64>, usize) {
+    let [width, height] = view.camera.size();
+    let along = |side: usize| (side.min(stride) / 2..side).step_by(stride);
+    let pixels: Vec<[usize; 2]> = along(height).flat_map(|y| along(width).map(move |x| [x, y])).collect();
+    let hit = |&[x, y]: &[usize; 2]| geometry.first_hit(&view.camera.pixel_ray(x, y), f64::INFINITY);
+    let mut distances: Vec<f64> = pixels.par_iter().filter_map(hit).map(|hit| hit.distance).collect();
+    distances.sort_by(f64::total_cmp);
+    (distances, pixels.len())
 }
 
 /// The grid of a shadow map along a frame, over what is both seen and occluded; none where nothing casts a shadow.

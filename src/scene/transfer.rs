@@ -11,7 +11,7 @@ pub struct Transfer {
     pub axes: [TransferAxis; 2],
     /// Texels along both axes.
     pub size: [usize; 2],
-    /// The depth at the end of its axis, in metres; where it is not given, 95 % of what the views look along is nearer.
+    /// The depth at the end of its axis, in metres; where it is not given, 95 % of the surfaces that the views see are nearer.
     pub far: Option<f64>,
     /// What it is made of, from the bottom up, over white.
     pub layers: Vec<TransferLayer>,

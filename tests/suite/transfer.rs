@@ -109,6 +109,7 @@ fn paint_asks_for_a_function_and_what_is_kept_stays() {
     let found = solved(loaded_with(tempfile::tempdir().unwrap().path(), "{}", &[FIND]).unwrap());
     let report = found.report();
     assert_eq!(report.nouns.found, "transfer function");
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
     let change = report.weighted_residual;
     assert!(change.after < 0.3 * change.before, "{change:?}");
     let table = found.transfer().unwrap();
@@ -139,6 +140,16 @@ fn paint_asks_for_a_function_and_what_is_kept_stays() {
         let again = Renderer::new(&scene, &maps, None).unwrap().picture(0, &Canvas::Processor).unwrap();
         assert!(again.before == picture, "{looks}");
     }
+}
+
+#[test]
+fn paint_that_no_function_meets_is_told_of() {
+    let across = r#"views[0].strokes=[{"points": [[24, 8], [24, 40]], "radius": 9, "color": [1, 0.2, 0.2]},
+        {"points": [[24, 8], [24, 40]], "radius": 3, "color": [0.1, 0.4, 1]}]"#;
+    let scene = loaded_with(tempfile::tempdir().unwrap().path(), "{}", &[FIND, across]).unwrap();
+    let found = solved(scene);
+    let told = &found.report().warnings;
+    assert!(told.iter().any(|told| told.code == "contradicted-paint"), "{told:?}");
 }
 
 #[test]

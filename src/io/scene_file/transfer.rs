@@ -28,8 +28,8 @@ pub struct Transfer {
     /// Which properties, two different ones.
     #[serde(default = "axes")]
     pub axes: [TransferAxis; 2],
-    /// The depth at the end of its axis, in units of the scene; a ray without a surface ends there. When not given, 95 % of what the views
-    /// look along is nearer.
+    /// The depth at the end of its axis, in units of the scene; a ray without a surface ends there. When not given, 95 % of the
+    /// surfaces that the views see are nearer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub far: Option<f64>,
     /// Texels along both axes.

@@ -3,12 +3,16 @@
 use std::f64::consts::PI;
 
 use crate::march::{ViewRay, lit_stretches};
-use crate::problem::sight::Sight;
+use crate::problem::sight::seen_distances;
 use crate::scene::{LightFrame, Ray, Scene, TransferAxis, TransferPlace};
 use crate::visibility::{Geometry, ShadowMap};
 
-/// The share of the sampled view rays that end before the far end.
+/// The share of the surfaces that views see that are nearer than the far end.
 const NEARER: f64 = 0.95;
+/// Pixels from one sampled ray of a view to the next, along both axes.
+const PIXEL_STRIDE: usize = 8;
+/// Transmittance at which a medium without surfaces ends.
+const FADED: f64 = 0.05;
 
 /// Properties of a ray in the frame of the light, each from 0 to 1, exact: up to the first surface, or to `far` metres where there is none.
 pub(super) fn properties(
@@ -73,13 +77,14 @@ impl SeenAxes<'_> {
     }
 }
 
-/// How far views see: most of their rays end nearer, at a surface or where the medium has swallowed what is behind it. In metres.
+/// How far views see, in metres: most of the surfaces that they see are nearer. Where they see none it is how far light comes through the
+/// medium.
 pub(super) fn seen_far(scene: &Scene, geometry: &Geometry) -> f64 {
-    let sight = Sight::of_views(scene, geometry);
-    let mut lengths: Vec<f64> = sight.stretches().iter().map(|[from, to]| from.distance(*to)).collect();
-    lengths.sort_by(f64::total_cmp);
-    let index = (NEARER * lengths.len() as f64) as usize;
-    lengths.get(index.min(lengths.len().saturating_sub(1))).copied().filter(|&far| far > 0.0).unwrap_or(1.0)
+    let mut distances: Vec<f64> =
+        scene.views.iter().flat_map(|view| seen_distances(view, geometry, PIXEL_STRIDE).0).collect();
+    distances.sort_by(f64::total_cmp);
+    let most = distances.get((NEARER * distances.len() as f64) as usize).copied();
+    most.filter(|&far| far > 0.0).unwrap_or_else(|| scene.medium.reach(FADED))
 }
 
 #[cfg(test)]
