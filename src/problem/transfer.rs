@@ -22,6 +22,8 @@ pub struct TransferFunction {
     far: f64,
     /// Visibility by visibility, depth after depth.
     texels: Vec<Rgb>,
+    /// Where the points of each layer are, on both axes.
+    places: Vec<Vec<[f64; 2]>>,
 }
 
 impl TransferFunction {
@@ -60,10 +62,15 @@ impl TransferFunction {
                 *below = laid_over(*below, [r, g, b], alpha * *opacity as f32, *blend);
             });
         }
+        let places = layers.iter().map(|layer| match &layer.shows {
+            LayerKind::Diffusion(points) => points.iter().map(place).collect(),
+            _ => Vec::new(),
+        });
+        let places = places.collect();
         let strength = *strength as f32;
         texels.iter_mut().for_each(|texel| *texel = texel.map(|value| 1.0 + strength * (value - 1.0)));
         match texels.iter().flatten().position(|value| !value.is_finite()) {
-            None => Ok(Self { size: *size, far: *far, texels }),
+            None => Ok(Self { size: *size, far: *far, texels, places }),
             Some(index) => Err(Error::NonFinite {
                 what: "the transfer function".to_owned(),
                 place: format!("texel ({}, {})", index / 3 % size[0], index / 3 / size[0]),
@@ -96,6 +103,16 @@ impl TransferFunction {
     /// Texels along visibility and along depth, and their colours, depth after depth.
     pub fn texels(&self) -> ([usize; 2], &[Rgb]) {
         (self.size, &self.texels)
+    }
+
+    /// Where the points of each layer are, on both axes from 0 to 1.
+    pub fn places(&self) -> &[Vec<[f64; 2]>] {
+        &self.places
+    }
+
+    /// The depth at the end of its axis, in metres.
+    pub fn far(&self) -> f64 {
+        self.far
     }
 }
 
@@ -268,7 +285,7 @@ mod tests {
         let gradient = gradient.unwrap();
         assert_eq!([gradient[0], gradient[4], gradient[11]].map(|color| color[0]), [0.125, 0.375, 0.875]);
         let texels = vec![[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]];
-        let function = TransferFunction { size: [2, 2], far: 1.0, texels };
+        let function = TransferFunction { size: [2, 2], far: 1.0, texels, places: Vec::new() };
         for (axes, expected) in
             [([0.0, 0.0], 0.0), ([0.25, 0.25], 0.0), ([0.5, 0.25], 0.5), ([0.5, 0.5], 1.5), ([1.0, 1.0], 3.0)]
         {
