@@ -13,7 +13,7 @@ use crate::gpu::GpuOperator;
 use crate::operator::{CpuVector, FromHost, NOWHERE, OnHost, Picked, TransportOperator};
 use crate::problem::{
     Backdrop, Begin, Canvas, Constraint, Formulation, LightMapProblem, Painting, Paused, Problem, Renderer,
-    Snapshot, Solved, Traced, fit, minimize, paint, pixels, render,
+    Snapshot, Solved, Traced, TransferFunction, fit, minimize, paint, pixels, render,
 };
 use crate::scene::{Camera, Extent, Image, MapSettings, Rgb, Scene, SolveSettings, Stroke, rgb};
 use crate::solve::{Control, StopReason};
@@ -180,6 +180,21 @@ impl LiveJob {
     /// Where the light map lies, which no stroke moves.
     pub fn extent(&self) -> Extent {
         self.problem.maps.light_map.extent
+    }
+
+    /// The transfer function of the scene's looks.
+    pub fn transfer(&self) -> Option<&TransferFunction> {
+        self.problem.maps.transfer.as_deref()
+    }
+
+    /// The triangle that is seen at a place of a view's picture, from (0, 0), its upper left corner, to (1, 1).
+    ///
+    /// Errors: [`Error::Value`] for a view that there is not.
+    pub fn triangle_at(&self, view: &str, [x, y]: [f64; 2]) -> Result<Option<usize>> {
+        let camera = &self.scene.views[self.view(view)?].camera;
+        let [width, height] = camera.size().map(|side| side as f64);
+        let hit = self.problem.maps.geometry.first_hit(&camera.ray(x * width, y * height), f64::INFINITY);
+        Ok(hit.map(|hit| hit.triangle))
     }
 
     /// The strokes of a view, in pixels of the preview.

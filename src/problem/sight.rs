@@ -75,7 +75,7 @@ impl Sight {
 }
 
 /// Distances to the surfaces that a view sees, from the nearest on, and how many rays were asked: one in so many pixels along both axes.
-pub fn seen_distances(view: &View, geometry: &Geometry, stride: usize) -> (Vec<f64>, usize) {
+pub(crate) fn seen_distances(view: &View, geometry: &Geometry, stride: usize) -> (Vec<f64>, usize) {
     let [width, height] = view.camera.size();
     let along = |side: usize| (side.min(stride) / 2..side).step_by(stride);
     let pixels: Vec<[usize; 2]> = along(height).flat_map(|y| along(width).map(move |x| [x, y])).collect();

@@ -10,7 +10,7 @@ use layers::{laid_over, layer};
 
 use crate::march::ViewRay;
 use crate::scene::{
-    LightFrame, Rgb, Scene, Transfer, TransferAxis, TransferLayer, TransferRole, luminance, rgb,
+    LayerKind, LightFrame, Rgb, Scene, Transfer, TransferAxis, TransferLayer, TransferRole, luminance, rgb,
 };
 use crate::visibility::{Geometry, ShadowMap};
 use crate::{Error, Result};
@@ -40,6 +40,8 @@ pub struct TransferTable {
     pub white: f64,
     /// Colours: the first axis runs fastest.
     pub texels: Vec<Rgb>,
+    /// Where the points of each layer are, on both axes from 0 to 1; none of layers without points.
+    pub places: Vec<Vec<[f64; 2]>>,
 }
 
 /// What looks make of the light that a ray scatters: it is multiplied, and something is added.
@@ -140,6 +142,10 @@ impl TransferTable {
         if let Some(index) = texels.iter().flatten().position(|value| !value.is_finite()) {
             return Err(not_a_number(index / 3, *size));
         }
+        let places = layers.iter().map(|layer| match &layer.shows {
+            LayerKind::Diffusion(points) => points.iter().map(|point| seen.of(point.place)).collect(),
+            _ => Vec::new(),
+        });
         let scattered = rgb(|c| scene.medium.albedo[c] as f32 * scene.light.radiance[c]);
         let white = f64::from(luminance(scattered)) / (4.0 * PI);
         Ok(Self {
@@ -151,6 +157,7 @@ impl TransferTable {
             strength: *strength,
             white,
             texels,
+            places: places.collect(),
         })
     }
 
@@ -204,6 +211,7 @@ mod tests {
             strength: 1.0,
             white: 1.0,
             texels: vec![[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]],
+            places: Vec::new(),
         };
         for (axes, expected) in
             [([0.0, 0.0], 0.0), ([0.25, 0.25], 0.0), ([0.5, 0.25], 0.5), ([0.5, 0.5], 1.5), ([1.0, 1.0], 3.0)]

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::drawing::{Change, Drawing, Look, owned};
 use super::setting::located;
@@ -76,7 +77,7 @@ impl Document {
         }
         let mut left = String::new();
         journal.read_to_string(&mut left).map_err(failed("read", &journal_path))?;
-        let now = Drawing::new(edit::strokes(&text)?, edit::groups(&text)?);
+        let now = Drawing::new(edit::strokes(&text)?, edit::groups(&text)?, edit::looks(&text)?);
         let mut document = Self {
             path: path.to_owned(),
             text,
@@ -118,7 +119,7 @@ impl Document {
     }
 
     fn beginning(&self) -> Beginning {
-        Beginning { version: 2, scene: crc32fast::hash(self.text.as_bytes()) }
+        Beginning { version: 3, scene: crc32fast::hash(self.text.as_bytes()) }
     }
 
     fn begin_journal(&mut self) -> Result<()> {
@@ -233,9 +234,10 @@ impl Document {
         let is_changed = now != self.text;
         let whole = |text: &str| located(edited(text, &self.now, radiance)?, extent);
         let have_painted = || {
-            let theirs = (edit::strokes(&now).ok(), edit::groups(&now).ok());
+            let theirs = (edit::strokes(&now).ok(), edit::groups(&now).ok(), edit::looks(&now).ok());
             let ours = self.saved.views[..self.saved.own()].iter().map(owned).collect::<Vec<Vec<Stroke>>>();
-            theirs != (Some(ours), Some(self.saved.groups.to_vec()))
+            let Drawing { groups, looks, .. } = &self.saved;
+            theirs != (Some(ours), Some(groups.to_vec()), Some(Value::clone(looks)))
         };
         if is_changed && have_painted() {
             let name = self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -272,7 +274,8 @@ impl Document {
 /// A text with all that a studio changes.
 fn edited(text: &str, moment: &Drawing, radiance: Rgb) -> Result<String> {
     let own: Vec<Vec<Stroke>> = moment.views[..moment.own()].iter().map(owned).collect();
-    let mut text = edit::with_groups(&edit::with_strokes(text, &own)?, &moment.groups)?;
+    let text = edit::with_groups(&edit::with_strokes(text, &own)?, &moment.groups)?;
+    let mut text = edit::with_looks(&text, &moment.looks)?;
     if let Some(direction) = moment.look.sun {
         text = edit::with_sun(&text, direction, radiance)?;
     }
@@ -536,6 +539,50 @@ mod tests {
         assert!(document.now.views[1].is_empty());
         document.save([1.0; 3], Some(&EXTENT)).unwrap();
         assert!(edit::strokes(&std::fs::read_to_string(&path).unwrap()).unwrap()[1].is_empty());
+    }
+
+    #[test]
+    fn looks_are_undone_survive_a_crash_and_are_saved_beside_what_stays() {
+        let text = TEXT.replace("\"light_map\"", "\"looks\": {  },  \"light_map\"");
+        let (_folder, path) = scene(&text);
+        let (mut document, ..) = open(&path);
+        let fill = |texels: f64, goes_on| Change::Looks {
+            looks: serde_json::json!({ "occluders": [{ "fill": { "texels": texels } }] }),
+            goes_on,
+        };
+        for change in [fill(2.0, false), fill(3.0, true), fill(4.5, true), paint(0, 1.0), fill(7.0, true)] {
+            assert!(make(&mut document, change));
+        }
+        // A drag is one change, and ends where something else was done.
+        assert_eq!(document.undo.len(), 3);
+        // The beginning of a drag that is overtaken is none of the drag before.
+        let [begins, later] = [fill(1.0, false), fill(2.0, true)];
+        assert!(begins.is_overtaken_by(&later) && begins.overtaken_by(later) == fill(2.0, false));
+        assert!(make(&mut document, Change::Undo));
+        let all = document.now.clone();
+        assert_eq!(all.looks["occluders"][0]["fill"]["texels"], 4.5);
+        assert_eq!(all.difference(&document.undo[0]), Difference::Rows);
+        assert_eq!(all.difference(&document.undo[1]), Difference::Paint(vec![0]));
+        drop(document);
+        let (mut document, brought_back, _) = open(&path);
+        assert!(brought_back == 6 && document.now == all);
+        assert!(matches!(document.save([1.0; 3], None).unwrap(), Saved::Whole));
+        let saved = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(
+            edit::with_looks(&text, &all.looks).unwrap(),
+            edit::with_strokes(&saved, &[vec![], vec![]]).unwrap()
+        );
+        // After a save they go back as far as before; where nothing is left of them the text says so.
+        while make(&mut document, Change::Undo) {}
+        assert_eq!(*document.now.looks, serde_json::json!({}));
+        document.save([1.0; 3], None).unwrap();
+        assert!(std::fs::read_to_string(&path).unwrap().contains("\"looks\": {}"));
+        // Another program has changed them: ours are beside.
+        assert!(make(&mut document, paint(1, 1.0)));
+        let theirs = std::fs::read_to_string(&path).unwrap().replace("{},", "{ \"occluders\": [] },");
+        std::fs::write(&path, &theirs).unwrap();
+        assert!(matches!(document.save([1.0; 3], None).unwrap(), Saved::Beside(_)));
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), theirs);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::io::scene_file::{Group, Stroke, View};
 
@@ -18,6 +19,8 @@ pub(super) struct Drawing {
     /// Views behind those of the scene's text, without their strokes.
     pub(super) added: Vec<Arc<View>>,
     pub(super) look: Look,
+    /// As a scene file has them, without defaults: what a page did not change is saved as it was written.
+    pub(super) looks: Arc<Value>,
 }
 
 /// What a studio changes of light and air; nothing where they are as the text has them.
@@ -47,6 +50,8 @@ pub(super) enum Change {
     Sun { direction: [f64; 3], goes_on: bool },
     /// The air is denser or thinner.
     Fog { sigma_t: f64, goes_on: bool },
+    /// Shafts are bent and coloured in another way.
+    Looks { looks: Value, goes_on: bool },
     /// A view behind the others.
     Add { view: Box<View> },
     /// The last change is taken back.
@@ -88,6 +93,7 @@ pub(super) struct Restored {
     views: Vec<(usize, Vec<Stroke>)>,
     groups: Vec<Group>,
     look: Look,
+    looks: Value,
 }
 
 /// What is not the same in two moments.
@@ -95,15 +101,15 @@ pub(super) struct Restored {
 pub(super) enum Difference {
     /// Paint on some views.
     Paint(Vec<usize>),
-    /// Views, light or air: rows are others.
+    /// Views, light, air or looks: rows are others.
     Rows,
 }
 
 impl Drawing {
     /// Of a scene as its text has it.
-    pub(super) fn new(views: Vec<Vec<Stroke>>, groups: Vec<Group>) -> Self {
+    pub(super) fn new(views: Vec<Vec<Stroke>>, groups: Vec<Group>, looks: Value) -> Self {
         let views = views.into_iter().map(shared).collect();
-        Self { views, groups: groups.into(), ..Self::default() }
+        Self { views, groups: groups.into(), looks: looks.into(), ..Self::default() }
     }
 
     /// How many views are those of the text.
@@ -148,6 +154,7 @@ impl Drawing {
                 next.look.sigma_t = Some(*sigma_t).filter(|sigma| sigma.is_finite() && *sigma > 0.0);
                 next.look.sigma_t?;
             }
+            Change::Looks { looks, .. } => next.looks = looks.clone().into(),
             Change::Add { view } => {
                 next.views.push(shared(view.strokes.clone()));
                 next.added.push(Arc::new(View { strokes: Vec::new(), ..View::clone(view) }));
@@ -161,6 +168,7 @@ impl Drawing {
                     *next.views.get_mut(*view)? = shared(strokes.clone());
                 }
                 (next.groups, next.look) = (restored.groups.clone().into(), restored.look);
+                next.looks = restored.looks.clone().into();
             }
         }
         Some(next)
@@ -192,7 +200,7 @@ impl Drawing {
 
     /// What has to be done anew where one follows the other.
     pub(super) fn difference(&self, other: &Self) -> Difference {
-        if self.added != other.added || self.look != other.look {
+        if self.added != other.added || self.look != other.look || self.looks != other.looks {
             return Difference::Rows;
         }
         let is_other = |view: &usize| {
@@ -213,6 +221,7 @@ impl Drawing {
             views: views.map(|view| (view, owned(&self.views[view]))).collect(),
             groups: self.groups.to_vec(),
             look: self.look,
+            looks: Value::clone(&self.looks),
         }
     }
 }
@@ -222,19 +231,35 @@ impl Change {
     pub(super) fn goes_on_with(&self, last: Option<&Self>) -> bool {
         match (self, last) {
             (Self::Sun { goes_on, .. }, Some(Self::Sun { .. }))
-            | (Self::Fog { goes_on, .. }, Some(Self::Fog { .. })) => *goes_on,
+            | (Self::Fog { goes_on, .. }, Some(Self::Fog { .. }))
+            | (Self::Looks { goes_on, .. }, Some(Self::Looks { .. })) => *goes_on,
             _ => false,
         }
     }
 
     /// Whether it is in the middle of a drag.
     pub(super) fn goes_on(&self) -> bool {
-        matches!(self, Self::Sun { goes_on: true, .. } | Self::Fog { goes_on: true, .. })
+        matches!(
+            self,
+            Self::Sun { goes_on: true, .. }
+                | Self::Fog { goes_on: true, .. }
+                | Self::Looks { goes_on: true, .. }
+        )
     }
 
     /// Whether a later one of the same drag makes this one needless.
     pub(super) fn is_overtaken_by(&self, later: &Self) -> bool {
         later.goes_on_with(Some(self))
+    }
+
+    /// The later one of a drag in the place of this one: where this one begins a drag, it does.
+    pub(super) fn overtaken_by(&self, mut later: Self) -> Self {
+        if let Self::Sun { goes_on, .. } | Self::Fog { goes_on, .. } | Self::Looks { goes_on, .. } =
+            &mut later
+        {
+            *goes_on = self.goes_on();
+        }
+        later
     }
 }
 

@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use super::messages::{CameraRecord, ViewRecord};
+use super::messages::{CameraRecord, Names, ViewRecord};
 use super::pictures::Seen;
 use super::setting::Setting;
 use crate::io::scene_file::Extent;
 use crate::job::{Job, LiveJob, LiveVolume, Options, Preview, Scenes};
+use crate::problem::TransferFunction;
 use crate::scene::{Camera, Image, Rgb, Scene, Stroke, VolumeScene};
 use crate::{Error, Result};
 
@@ -34,6 +35,7 @@ pub(super) struct Rows {
     /// Whether previews are coarser than they should be, because finer ones do not fit: their width.
     pub(super) coarser: Option<usize>,
     pub(super) records: Vec<ViewRecord>,
+    pub(super) names: Names,
     /// How many metres the first view is deep.
     pub(super) span: f64,
     /// Whether previews are coarse while light or air are dragged.
@@ -97,6 +99,21 @@ impl Subject {
         Some((scene.light.direction.to_array(), sigma_t))
     }
 
+    /// What looks may name.
+    fn names(&self) -> Names {
+        let Self::LightMap(scene) = self else { return Names::default() };
+        fn each<'a>(names: impl Iterator<Item = Option<&'a String>>) -> Vec<String> {
+            let mut all: Vec<String> = names.flatten().cloned().collect();
+            all.sort();
+            all.dedup();
+            all
+        }
+        Names {
+            objects: each(scene.mesh.objects.iter().map(|object| object.name.as_ref())),
+            materials: each(scene.mesh.materials.iter().map(|material| material.name.as_ref())),
+        }
+    }
+
     fn cameras(&self) -> Vec<(String, Camera)> {
         match self {
             Self::LightMap(scene) => {
@@ -109,7 +126,7 @@ impl Subject {
         }
     }
 
-    fn metres_per_unit(&self) -> f64 {
+    pub(super) fn metres_per_unit(&self) -> f64 {
         match self {
             Self::LightMap(scene) => scene.metres_per_unit,
             Self::Volume(_) => 1.0,
@@ -139,7 +156,8 @@ impl Rows {
         let depth = cameras.first().map_or(1.0, |(_, camera)| live.depth(camera));
         let span = depth * subject.metres_per_unit();
         let coarser = Some(width).filter(|&width| width < widths[0]);
-        Ok(Self { subject, live, coarser, records, span, is_hasty })
+        let names = subject.names();
+        Ok(Self { subject, live, coarser, records, names, span, is_hasty })
     }
 }
 
@@ -212,6 +230,14 @@ impl Live {
         match self {
             Self::LightMap(live) => live.is_painted(),
             Self::Volume(live) => live.is_wanted(),
+        }
+    }
+
+    /// The colours of scattered light, where the scene has a transfer function.
+    pub(super) fn transfer(&self) -> Option<&TransferFunction> {
+        match self {
+            Self::LightMap(live) => live.transfer(),
+            Self::Volume(_) => None,
         }
     }
 

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use axum::body::Bytes;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::drawing::Change;
 use crate::io::scene_file::{Camera, Group, LookAt, Stroke, Transform};
@@ -39,6 +40,8 @@ pub(super) enum Wish {
     Watch { pictures: Vec<Kind> },
     /// What is seen at a pixel of the full picture, as the paint that asks for it.
     Reach { view: usize, x: f64, y: f64 },
+    /// What object is seen at a pixel of the full picture.
+    What { view: usize, x: f64, y: f64 },
     /// What a camera sees that is none of the views'; `view` says how large its picture is.
     LookFrom { view: usize, camera: CameraRecord },
     /// That camera is to be a view, as large as the picture that was seen from it.
@@ -65,6 +68,8 @@ pub(super) enum Kind {
     LightMap,
     /// What a camera sees that is none of the views'.
     Free,
+    /// The colours of a transfer function.
+    Transfer,
 }
 
 /// How far a picture is.
@@ -105,6 +110,13 @@ pub(super) struct ViewRecord {
     pub(super) size: [usize; 2],
     pub(super) preview: [usize; 2],
     pub(super) camera: CameraRecord,
+}
+
+/// What looks may name of a scene, each name once.
+#[derive(Debug, Clone, Default, Serialize)]
+pub(super) struct Names {
+    pub(super) objects: Vec<String>,
+    pub(super) materials: Vec<String>,
 }
 
 /// What the solve is at.
@@ -172,6 +184,27 @@ pub(super) enum Told<'a> {
         /// The mean extinction in 1/metre, and how many metres the first view is deep.
         sigma_t: Option<f64>,
         span: f64,
+    },
+    Looks {
+        /// As the scene's text will have them.
+        looks: &'a Value,
+        names: &'a Names,
+        /// Texels of the shadow map along its longer side.
+        texels: usize,
+        metres_per_unit: f64,
+        /// The depth at the end of the transfer function's axis, in metres.
+        far: Option<f64>,
+        /// Where the points of each of its layers are on its axes.
+        places: &'a [Vec<[f64; 2]>],
+    },
+    /// What is seen at a pixel; no number where nothing is.
+    Seen {
+        view: usize,
+        x: f64,
+        y: f64,
+        object: Option<&'a str>,
+        material: Option<&'a str>,
+        occluder: Option<usize>,
     },
     Reached {
         view: usize,

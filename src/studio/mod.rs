@@ -9,6 +9,7 @@ mod drawing;
 mod errands;
 mod full;
 mod live;
+mod looks;
 mod messages;
 mod model;
 mod page;

@@ -22,7 +22,7 @@ impl Seen<'_> {
     /// Whether views have pictures of a kind. Light reaches all of a volume, and paint is one wish beside others there.
     fn has(&self, kind: Kind) -> bool {
         match kind {
-            Kind::LightMap | Kind::Free => false,
+            Kind::LightMap | Kind::Free | Kind::Transfer => false,
             Kind::Coverage | Kind::Conflict => matches!(self, Self::LightMap(_)),
             Kind::After | Kind::Before | Kind::Target | Kind::Difference => true,
         }
@@ -114,7 +114,7 @@ fn preview_of(
         Kind::Difference => rgba_bytes(&pictures.difference(view), exposure),
         Kind::Coverage => mask(pictures.reached(view).into_iter().map(|is_lit| !is_lit)),
         Kind::Conflict => mask(pictures.contested(view).into_iter()),
-        Kind::Before | Kind::LightMap | Kind::Free => rgba_bytes(before, exposure),
+        Kind::Before | Kind::LightMap | Kind::Free | Kind::Transfer => rgba_bytes(before, exposure),
     };
     (Stage::Preview, before.size(), bytes)
 }

@@ -61,8 +61,8 @@ impl Changes {
             Kind::After | Kind::Difference | Kind::Conflict | Kind::LightMap => true,
             Kind::Target => self != Self::Light,
             Kind::Before | Kind::Coverage => self == Self::All,
-            // Drawn when it is asked for.
-            Kind::Free => false,
+            // Drawn when it is asked for, or when looks are told.
+            Kind::Free | Kind::Transfer => false,
         }
     }
 }
@@ -143,11 +143,19 @@ impl Screen {
 
     /// Sends what the free camera of a page sees.
     pub(super) fn show_free(&mut self, page: u64, seen: &Image) {
+        self.show_one(Some(page), Kind::Free, seen, self.exposure);
+    }
+
+    /// Sends the colours of a transfer function.
+    pub(super) fn show_transfer(&mut self, table: &Image) {
+        self.show_one(None, Kind::Transfer, table, 1.0);
+    }
+
+    fn show_one(&mut self, to: Option<u64>, kind: Kind, image: &Image, exposure: f64) {
         self.serial += 1;
         let stage = (Stage::Preview, self.serial, self.followed);
-        let bytes = rgba_bytes(seen, self.exposure);
-        let sent = picture((Kind::Free, None), stage, seen.size(), &bytes);
-        _ = self.pages.send(Mail { to: Some(page), sent });
+        let sent = picture((kind, None), stage, image.size(), &rgba_bytes(image, exposure));
+        _ = self.pages.send(Mail { to, sent });
     }
 
     /// Tells how far the solve is.

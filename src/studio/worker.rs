@@ -13,6 +13,7 @@ use super::drawing::{Change, Difference, Drawing};
 use super::errands::{Errands, Order};
 use super::full::Full;
 use super::live::{Live, Rows, Subject};
+use super::looks;
 use super::messages::{Asked, CameraRecord, Kind, Mail, News, Phase, Told, ViewRecord, Wish, hex};
 use super::pictures::{Seen, palette, tint};
 use super::screen::{Changes, Screen};
@@ -217,6 +218,7 @@ impl Worker {
                 self.show(Changes::All);
             }
             Wish::Reach { view, x, y } => self.reach(page, view, [x, y]),
+            Wish::What { view, x, y } => looks::tell_what(page, (view, [x, y]), &self.rows, &self.screen),
             Wish::LookFrom { view, camera } => self.look_from(page, view, &camera),
             Wish::AddView { name, camera } => self.add_view(&name, &camera),
         }
@@ -248,7 +250,7 @@ impl Worker {
         self.screen.tell_progress(self.full.as_ref());
     }
 
-    fn introduce(&self) {
+    fn introduce(&mut self) {
         let Rows { subject, records, span, .. } = &self.rows;
         self.tell(&Told::Hello {
             scene: subject.name(),
@@ -262,6 +264,7 @@ impl Worker {
         });
         let (sun, sigma_t) = subject.look().unzip();
         self.tell(&Told::Look { sun, sigma_t, span: *span });
+        looks::tell(&self.document.now().looks, &self.rows, &mut self.screen);
     }
 
     fn tell_strokes(&self) {
@@ -280,7 +283,9 @@ impl Worker {
     fn latest(&mut self, mut change: Change) -> Change {
         while let Ok(order) = self.orders.try_recv() {
             match order {
-                Order::Asked(_, Asked::Change(later)) if change.is_overtaken_by(&later) => change = later,
+                Order::Asked(_, Asked::Change(later)) if change.is_overtaken_by(&later) => {
+                    change = change.overtaken_by(later);
+                }
                 other => {
                     self.waiting.push_back(other);
                     break;
@@ -307,11 +312,12 @@ impl Worker {
             Difference::Rows => self
                 .rows_of(&next, change.goes_on())
                 .map(|rows| self.rows = rows)
-                .map_err(|error| error.to_string()),
+                .map_err(|error| looks::sentence(&error)),
         });
         if let Err(problem) = followed {
             let what = match change {
                 Change::Paint { .. } | Change::Replace { .. } => "that stroke",
+                Change::Looks { .. } => "that look",
                 _ => "that",
             };
             self.notice(News::Error, format!("{what} cannot be: {problem}"));

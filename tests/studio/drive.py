@@ -170,6 +170,92 @@ def decoded(page, png):
     }""", source)
 
 
+def told(page, what):
+    """Waits until the looks are so, and the server has said so."""
+    until(page, f"""() => {{
+        const {{ looks, places, isTold }} = window.studio.state.looks;
+        return isTold && ({what});
+    }}""")
+
+
+def looks(page, scene, program, shot):
+    """By the panel: an edit of shadows, a transfer function, points on its table and in the picture, and what is saved of them."""
+    page.keyboard.press("Control+s")
+    until(page, "() => window.studio.state.isSaved")
+    before = scene.read_text()
+    page.click("#looks-section > summary")
+    page.click("#add-edits button >> text=Fill")
+    told(page, "looks.occluders?.length === 1 && looks.occluders[0].fill.texels > 0")
+    reach = page.evaluate("window.studio.state.looks.looks.occluders[0].fill.texels")
+    page.focus("#edits input[data-key=Reach]")
+    for _ in range(40):
+        page.keyboard.press("ArrowRight")
+    told(page, f"looks.occluders[0].fill.texels > {reach}")
+    # The steps of a drag are one.
+    page.keyboard.press("Control+z")
+    told(page, f"looks.occluders[0].fill.texels === {reach}")
+    page.keyboard.press("Control+Shift+Z")
+    told(page, f"looks.occluders[0].fill.texels > {reach}")
+    # Up and down, and gone.
+    page.click("#add-edits button >> text=Pierce")
+    told(page, "looks.occluders.length === 2")
+    page.click("#edits .row:nth-child(2) button[title='Move up']")
+    told(page, "'pierce' in looks.occluders[0]")
+    page.click("#edits .row:nth-child(1) button[title='Remove']")
+    told(page, "looks.occluders.length === 1 && 'fill' in looks.occluders[0]")
+
+    page.locator("#transfer-on").click()
+    told(page, "looks.transfer?.layers.length === 1")
+    table = page.locator("#table")
+    table.scroll_into_view_if_needed()
+    box = table.bounding_box()
+    page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 0.3 * box["height"])
+    told(page, "looks.transfer.layers[1]?.diffusion.points.length === 1 && places[1]?.length === 1")
+    at = page.evaluate("window.studio.state.looks.looks.transfer.layers[1].diffusion.points[0].at")
+    assert abs(at[0] - 0.8) < 0.02 and abs(at[1] - 0.3) < 0.02, at
+    page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 0.3 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"], steps=8)
+    page.mouse.up()
+    told(page, "Math.abs(looks.transfer.layers[1].diffusion.points[0].at[0] - 0.5) < 0.02")
+    # Its colour, by the picker beside the panel.
+    page.click("#layers .spot[data-key='Colour of the point']")
+    page.click("#colour-sheet .swatch[data-color='#2f6bff']")
+    told(page, "looks.transfer.layers[1].diffusion.points[0].color === '#2f6bff'")
+    shot("looks-colour")
+    page.keyboard.press("Escape")
+    # In the picture.
+    strokes = count(page)
+    page.click("#layers button >> text=Place in the picture")
+    place = page.evaluate("window.studio.toScreen(320, 180)")
+    page.mouse.click(place["x"], place["y"])
+    told(page, "looks.transfer.layers[1].diffusion.points[1]?.pixel?.[0] > 300 && places[1]?.length === 2")
+    assert count(page) == strokes and page.evaluate("window.studio.state.asks === null")
+    until_done(page)
+    shot("looks")
+    # Delete belongs to the point.
+    page.keyboard.press("Delete")
+    told(page, "looks.transfer.layers[1].diffusion.points.length === 1")
+    page.keyboard.press("Control+z")
+    told(page, "looks.transfer.layers[1].diffusion.points.length === 2")
+    until_done(page)
+
+    page.keyboard.press("Control+s")
+    until(page, "() => window.studio.state.isSaved")
+    saved = scene.read_text()
+    assert saved.startswith(before.rstrip()[:-1].rstrip()), "saving looks changes what they do not concern"
+    assert json.loads(saved)["looks"] == page.evaluate("window.studio.state.looks.looks")
+    subprocess.run([program, "light-map", str(scene), "-q", "-o", str(scene.parent / "looks")], check=True, stdout=subprocess.DEVNULL)
+    mine, theirs = shown(page), decoded(page, scene.parent / "looks/court_after.png")
+    assert mine["stage"] == "full" and mine["bytes"] == theirs, "the command finds another picture of the looks"
+    print("the looks of the page are those of the saved scene, to the bit")
+    page.locator("#transfer-on").click()
+    page.click("#edits .row:nth-child(1) button[title='Remove']")
+    told(page, "looks.transfer === undefined && looks.occluders === undefined")
+    until_done(page)
+    page.click("#looks-section > summary")
+
+
 def main():
     arguments = argparse.ArgumentParser()
     arguments.add_argument("program")
@@ -292,6 +378,8 @@ def main():
         assert page.evaluate("document.querySelector(':popover-open') === null"), "Escape does not close the sheet"
         page.wait_for_timeout(300)
         assert count(page) == strokes, "a press that closes a sheet paints"
+
+        looks(page, scene, asked.program, shot)
 
         # The wipe takes the picture along.
         page.keyboard.press("w")

@@ -32,6 +32,8 @@ mod solve;
 mod split_rows;
 #[cfg(feature = "studio")]
 mod studio;
+#[cfg(feature = "studio")]
+mod studio_looks;
 mod surroundings;
 mod threads;
 #[path = "../tolerances.rs"]

@@ -20,7 +20,7 @@ use crate::root;
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A studio on a copy of the citadel, whose light map is small.
-struct Opened {
+pub struct Opened {
     folder: TempDir,
     address: String,
     stop: Stop,
@@ -37,11 +37,11 @@ fn studio(scene: &Path) -> Studio {
     }
 }
 
-fn open(folder: TempDir) -> Opened {
+pub fn open(folder: TempDir) -> Opened {
     open_at(folder, "scene.json")
 }
 
-fn open_at(folder: TempDir, name: &str) -> Opened {
+pub fn open_at(folder: TempDir, name: &str) -> Opened {
     let (told, hears) = std::sync::mpsc::channel();
     let (stop, studio) = (Stop::default(), studio(&folder.path().join(name)));
     let asked = stop.clone();
@@ -52,7 +52,7 @@ fn open_at(folder: TempDir, name: &str) -> Opened {
 }
 
 /// The citadel with small maps and two views, as people write such files.
-fn citadel() -> TempDir {
+pub fn citadel() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let text = std::fs::read_to_string(root().join("strokes/citadel.json")).unwrap();
     let mut scene: Value = serde_json::from_str(&text).unwrap();
@@ -64,7 +64,7 @@ fn citadel() -> TempDir {
 }
 
 impl Opened {
-    fn scene(&self) -> PathBuf {
+    pub fn scene(&self) -> PathBuf {
         self.folder.path().join("scene.json")
     }
 
@@ -106,12 +106,12 @@ impl Opened {
         Ok(Page { socket, told: Vec::new(), pictures: Vec::new() })
     }
 
-    fn page(&self) -> Page {
+    pub fn page(&self) -> Page {
         self.socket_with(self.token(), Some(&format!("http://{}", self.host()))).unwrap()
     }
 
     /// Closes it in order, and gives its folder back.
-    fn close(mut self) -> TempDir {
+    pub fn close(mut self) -> TempDir {
         self.stop.ask();
         self.thread.take().unwrap().join().unwrap().unwrap();
         std::mem::replace(&mut self.folder, tempfile::tempdir().unwrap())
@@ -126,25 +126,25 @@ impl Drop for Opened {
 }
 
 /// A picture as a page gets it.
-struct Shown {
-    about: Value,
-    pixels: Vec<u8>,
+pub struct Shown {
+    pub about: Value,
+    pub pixels: Vec<u8>,
 }
 
 /// What a page has heard so far.
-struct Page {
+pub struct Page {
     socket: WebSocket<TcpStream>,
-    told: Vec<Value>,
-    pictures: Vec<Shown>,
+    pub told: Vec<Value>,
+    pub pictures: Vec<Shown>,
 }
 
 impl Page {
-    fn say(&mut self, what: Value) {
+    pub fn say(&mut self, what: Value) {
         self.socket.send(Message::text(what.to_string())).unwrap();
     }
 
     /// Listens until something is so; whether the socket is still open.
-    fn until(&mut self, what: &str, is_so: impl Fn(&Self) -> bool) {
+    pub fn until(&mut self, what: &str, is_so: impl Fn(&Self) -> bool) {
         let begun = Instant::now();
         while !is_so(self) {
             assert!(begun.elapsed() < PATIENCE, "{what} does not come; heard {:?}", self.told.last());
@@ -168,26 +168,26 @@ impl Page {
         true
     }
 
-    fn last(&self, kind: &str) -> Option<&Value> {
+    pub fn last(&self, kind: &str) -> Option<&Value> {
         self.told.iter().rfind(|told| told["type"] == kind)
     }
 
-    fn picture(&self, kind: &str, view: u64) -> Option<&Shown> {
+    pub fn picture(&self, kind: &str, view: u64) -> Option<&Shown> {
         self.pictures.iter().rfind(|shown| {
             shown.about["kind"] == kind && (kind == "light_map" || shown.about["view"] == view)
         })
     }
 
-    fn strokes(&self, view: usize) -> Vec<Value> {
+    pub fn strokes(&self, view: usize) -> Vec<Value> {
         self.last("strokes").map_or(Vec::new(), |told| told["views"][view].as_array().unwrap().clone())
     }
 
-    fn is_done(&self) -> bool {
+    pub fn is_done(&self) -> bool {
         self.last("progress").is_some_and(|told| told["phase"] == "done")
     }
 
     /// Paints, and forgets what was heard before the studio has taken it.
-    fn paint(&mut self, view: usize, color: &str) {
+    pub fn paint(&mut self, view: usize, color: &str) {
         let count = self.strokes(view).len();
         let stroke = json!({ "points": [[200, 150], [330, 190]], "radius": 20, "color": color, "hardness": 0.7, "weight": 1, "opacity": 1, "erase": false });
         self.say(json!({ "type": "paint", "view": view, "stroke": stroke }));
@@ -510,7 +510,7 @@ fn a_model_is_a_scene_once_it_is_saved() {
 }
 
 /// What a screen shows of a picture: sRGB (IEC 61966-2-1) in 8 bits.
-fn screen(picture: &Image, exposure: f64) -> Vec<u8> {
+pub fn screen(picture: &Image, exposure: f64) -> Vec<u8> {
     let code = |linear: f32| {
         let linear = (f64::from(linear) * exposure).clamp(0.0, 1.0) as f32;
         let encoded = match linear {

@@ -82,8 +82,14 @@ fn a_function_comes_back_from_the_picture_that_it_made() {
     for role in ["factor", "color"] {
         let folder = tempfile::tempdir().unwrap();
         let shown = scattered(&scene(&transfer(&known(role))));
-        let sets =
-            [FIND, "target=radiance", "solve.gradient=1e-6", "solve.tolerance=1e-7", "solve.iterations=2000"];
+        let sets = [
+            FIND,
+            "target=radiance",
+            "solve.tikhonov=0",
+            "solve.gradient=1e-6",
+            "solve.tolerance=1e-7",
+            "solve.iterations=2000",
+        ];
         let white = transfer(&WHITE.replacen('{', &format!(r#"{{"as": "{role}", "#), 1));
         let mut painted = loaded_with(folder.path(), &white, &sets).unwrap();
         let pixels = shown.pixels.iter().map(|&[r, g, b]| [r, g, b, 1.0]).collect();

@@ -1,14 +1,17 @@
 //! Changes in the text of a scene file that leave the rest of it as it is: its order, its spacing, its numbers as they were written.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use serde::Deserialize;
+use serde_json::Value;
 use serde_json::value::RawValue;
 
 use super::channels::Channels;
 use super::map::Extent;
 use super::stroke::{Group, Stroke};
 use super::view::View;
+use super::write::text_of_value;
 use crate::{Error, Result};
 
 /// The parts of a scene that are edited, as they stand in its text.
@@ -20,6 +23,8 @@ struct Parts<'t> {
     light_map: Option<&'t RawValue>,
     #[serde(borrow, default)]
     groups: Option<&'t RawValue>,
+    #[serde(borrow, default)]
+    looks: Option<&'t RawValue>,
     #[serde(borrow, default)]
     light: Option<&'t RawValue>,
     #[serde(borrow, default)]
@@ -126,6 +131,51 @@ pub fn with_groups(text: &str, groups: &[Group]) -> Result<String> {
     Ok(spliced(text, vec![splice]))
 }
 
+/// The looks of a scene as its text has them, without defaults; an empty object where it has none.
+///
+/// Errors: as [`strokes`].
+pub fn looks(text: &str) -> Result<Value> {
+    parsed::<Parts<'_>>(text)?.looks.map_or(Ok(Value::Object(Default::default())), |it| parsed(it.get()))
+}
+
+/// The text of a scene with other looks. Members of them that are as they were keep the text that they had. Whether they can be built is
+/// said when the scene is read.
+///
+/// Errors: as [`strokes`].
+pub fn with_looks(text: &str, looks: &Value) -> Result<String> {
+    if is_same(&self::looks(text)?, looks) {
+        return Ok(text.to_owned());
+    }
+    let Some(written) = parsed::<Parts<'_>>(text)?.looks else {
+        let indent = indent_of_members(text, place(text, text.trim()).start);
+        return Ok(spliced(text, vec![member(text, text.trim(), "looks", &on_lines(looks, &indent))]));
+    };
+    let indent = indent_at(text, place(text, written.get()).start);
+    let whole = Splice { at: place(text, written.get()), by: on_lines(looks, &indent) };
+    let (Some(members), Ok(before)) =
+        (looks.as_object(), parsed::<BTreeMap<String, &RawValue>>(written.get()))
+    else {
+        return Ok(spliced(text, vec![whole]));
+    };
+    let mut splices = Vec::new();
+    for (name, value) in members {
+        match before.get(name) {
+            Some(kept) if is_same(&parsed(kept.get())?, value) => {}
+            Some(other) => {
+                let at = place(text, other.get());
+                splices.push(Splice { by: on_lines(value, &indent_at(text, at.start)), at });
+            }
+            None => {
+                let indent = indent_of_members(text, place(text, written.get()).start);
+                splices.push(member(text, written.get(), name, &on_lines(value, &indent)));
+            }
+        }
+    }
+    // Where a member goes, its comma goes along; and the first of some has none.
+    let is_anew = before.is_empty() || before.keys().any(|name| !members.contains_key(name));
+    Ok(spliced(text, if is_anew { vec![whole] } else { splices }))
+}
+
 /// The text of a scene with more views behind its own.
 ///
 /// Errors: as [`strokes`].
@@ -224,6 +274,31 @@ fn listed(lines: &[String], indent: &str) -> String {
     }
 }
 
+/// Whether two values say the same, however their numbers are written.
+fn is_same(one: &Value, other: &Value) -> bool {
+    match (one, other) {
+        (Value::Number(one), Value::Number(other)) => one.as_f64() == other.as_f64(),
+        (Value::Array(one), Value::Array(other)) => {
+            one.len() == other.len() && one.iter().zip(other).all(|(one, other)| is_same(one, other))
+        }
+        (Value::Object(one), Value::Object(other)) => {
+            let has = |(name, value): (&String, &Value)| other.get(name).is_some_and(|it| is_same(value, it));
+            one.len() == other.len() && one.iter().all(has)
+        }
+        _ => one == other,
+    }
+}
+
+/// JSON on as many lines as it needs, behind the name of a member that is indented so; what no document has is left to be complained about.
+fn on_lines(value: &Value, indent: &str) -> String {
+    match text_of_value(value) {
+        Ok(text) if *value != Value::Object(Default::default()) => {
+            text.trim_end().replace('\n', &format!("\n{indent}"))
+        }
+        _ => value.to_string(),
+    }
+}
+
 fn parsed<'t, T: Deserialize<'t>>(text: &'t str) -> Result<T> {
     serde_json::from_str(text).map_err(|error| Error::Machine(format!("the scene cannot be edited: {error}")))
 }
@@ -251,16 +326,18 @@ fn member(text: &str, object: &str, name: &str, value: &str) -> Splice {
 
 /// How far the members of an object are indented that begins at `start`: as the first of them is, else a little more than its line.
 fn indent_of_members(text: &str, start: usize) -> String {
-    let blank = |line: &str| line.chars().take_while(|c| *c == ' ' || *c == '\t').collect::<String>();
     let behind = &text[start + 1..];
     let to_first = behind.len() - behind.trim_start().len();
     match behind[..to_first].rfind('\n') {
         Some(at) => behind[at + 1..to_first].to_owned(),
-        None => {
-            let line = text[..start].rfind('\n').map_or(0, |at| at + 1);
-            format!("{}  ", blank(&text[line..]))
-        }
+        None => format!("{}  ", indent_at(text, start)),
     }
+}
+
+/// How far the line is indented on which a place lies.
+fn indent_at(text: &str, at: usize) -> String {
+    let line = text[..at].rfind('\n').map_or(0, |end| end + 1);
+    text[line..].chars().take_while(|c| *c == ' ' || *c == '\t').collect()
 }
 
 fn spliced(text: &str, mut splices: Vec<Splice>) -> String {
@@ -276,8 +353,7 @@ fn spliced(text: &str, mut splices: Vec<Splice>) -> String {
 }
 
 /// JSON with a space behind each comma and colon and inside braces.
-fn on_one_line(value: &serde_json::Result<serde_json::Value>) -> Result<String> {
-    use serde_json::Value;
+fn on_one_line(value: &serde_json::Result<Value>) -> Result<String> {
     fn shown(value: &Value) -> String {
         match value {
             Value::Array(items) => {
@@ -415,6 +491,46 @@ mod tests {
             with_extinction(&air(r#"{"sigma_t":[1,2,3]}"#), 4.0).unwrap(),
             air(r#"{"sigma_t":[2, 4, 6]}"#)
         );
+    }
+
+    #[test]
+    fn looks_are_put_in_and_what_of_them_is_as_it_was_keeps_its_text() {
+        let parsed = |text: &str| serde_json::from_str::<Value>(text).unwrap();
+        assert_eq!(looks(TEXT).unwrap(), parsed("{}"));
+        assert_eq!(with_looks(TEXT, &parsed("{}")).unwrap(), TEXT);
+        let fill = parsed(r#"{ "occluders": [{ "fill": { "texels": 6 } }] }"#);
+        let edited = with_looks(TEXT, &fill).unwrap();
+        let said = "    \"looks\": {\n      \"occluders\": [{ \"fill\": { \"texels\": 6 } }]\n    }\n}\n";
+        assert!(edited.ends_with(said), "{edited}");
+        assert_eq!(looks(&edited).unwrap(), fill);
+        // Numbers and spaces of what has not changed.
+        let by_hand = edited.replace("{ \"texels\": 6 }", "{\"texels\" :6e0}");
+        assert_eq!(with_looks(&by_hand, &fill).unwrap(), by_hand);
+        let mut more = fill;
+        more["transfer"] = parsed(r##"{ "far": 60, "layers": [{ "solid": { "color": "#ff8020" } }] }"##);
+        let both = with_looks(&by_hand, &more).unwrap();
+        let said = r##"{"texels" :6e0} }],
+      "transfer": {
+        "far": 60,
+        "layers": [{ "solid": { "color": "#ff8020" } }]
+      }
+    }
+}
+"##;
+        assert!(both.ends_with(said), "{both}");
+        more["transfer"]["far"] = 30.into();
+        assert_eq!(with_looks(&both, &more).unwrap(), both.replace("60", "30"));
+        // Without one of them, and without all.
+        more.as_object_mut().unwrap().remove("occluders");
+        let one = with_looks(&both, &more).unwrap();
+        assert_eq!(looks(&one).unwrap(), more);
+        assert!(one.starts_with(&both[..both.find("\"looks\"").unwrap()]), "{one}");
+        let none = with_looks(&one, &parsed("{}")).unwrap();
+        assert!(none.ends_with("\"looks\": {}\n}\n"), "{none}");
+        let two = parsed(r#"{ "occluders": [], "transfer": { "far": 1 } }"#);
+        assert_eq!(looks(&with_looks(&none, &two).unwrap()).unwrap(), two);
+        // What cannot be a look is there to be complained about.
+        assert!(with_looks(TEXT, &Value::Null).unwrap().ends_with("\"looks\": null\n}\n"));
     }
 
     #[test]

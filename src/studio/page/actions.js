@@ -146,7 +146,11 @@ function switchTheme() {
 }
 
 function remove() {
-  if (!state.selection || !isOpen()) return;
+  if (!isOpen()) return;
+  if (!state.selection) {
+    if (state.point) tell('removal');
+    return;
+  }
   const { view, number } = state.selection;
   state.draft = null;
   select(null);

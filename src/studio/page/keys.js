@@ -6,6 +6,7 @@ import {
 } from './actions.js';
 import { zoomBy } from './camera.js';
 import * as free from './free.js';
+import { choosePoint, stopAsking } from './looks.js';
 import { cancelGesture, closeSheet } from './pointer.js';
 import { hardnessOf } from './strokes.js';
 
@@ -28,7 +29,7 @@ const groups = [
     ['I', 'Pick a colour from the light', { i: () => chooseTool('pick') }],
     ['hold Alt', 'Pick a colour while painting'],
     ['V', 'Select and move strokes', { v: () => chooseTool('select') }],
-    ['Delete', 'Delete the selected stroke', { delete: commands.remove, backspace: commands.remove }],
+    ['Delete', 'Delete the selected stroke or point', { delete: commands.remove, backspace: commands.remove }],
     ['Esc', 'Cancel, deselect', { escape: leave }],
   ]],
   ['Brush', [
@@ -42,6 +43,13 @@ const groups = [
     ['Ctrl Shift Z', 'Redo', { 'ctrl+shift+z': commands.redo, 'ctrl+y': commands.redo }],
     ['Ctrl S', 'Save', { 'ctrl+s': commands.save }],
     ['Double click', 'Rename a group'],
+  ]],
+  ['Looks', [
+    ['click', 'On the table: add or choose a point'],
+    ['drag', 'Move a point'],
+    ['←  →  ↑  ↓', 'Move the chosen point of a table'],
+    ['Delete', 'Remove the chosen point'],
+    ['Esc', 'Leave placing and choosing in the picture'],
   ]],
   ['Seeing', [
     ['A', 'After', { a: () => see('after') }],
@@ -86,7 +94,9 @@ const staysFree = (name) => /^(ctrl\+.+|[1-9]|f6|\?|l)$/.test(name);
 const runFor = (name) => (state.free ? freeRuns.get(name) ?? (staysFree(name) && runs.get(name)) : runs.get(name));
 
 function leave() {
-  if (!closeSheet() && !cancelGesture()) select(null);
+  if (closeSheet() || cancelGesture() || stopAsking()) return;
+  choosePoint(null);
+  select(null);
 }
 
 function stepWipe(step) {
@@ -99,7 +109,7 @@ function switchFocus() {
 }
 
 const isPictureFocused = () => document.activeElement === canvas || document.activeElement === document.body;
-const isTyping = () => document.activeElement?.matches('input[type=text]');
+const isTyping = () => document.activeElement?.matches('input[type=text], select');
 
 // Digits and brackets by their place, as Shift turns them into other signs; letters by what they say on this keyboard.
 function nameOf(event) {

@@ -1,7 +1,8 @@
 // The sun, on a dial that shows the sky from above, and the fog.
 
-import { state, listen, tell } from './state.js';
-import { isOpen, send } from './socket.js';
+import { state, listen } from './state.js';
+import { isOpen } from './socket.js';
+import { makeSender, whenSettled } from './sender.js';
 import { byId, showFill } from './dom.js';
 import { fitCanvas } from './canvas.js';
 
@@ -13,8 +14,6 @@ const LOWEST = 89; // degrees from straight above
 const THINNEST = 0.02; // optical depths
 const THICKEST = 8;
 const STEPS = 1000;
-const WAIT_MS = 100; // between two messages
-const SETTLES_MS = 500; // after them the server's word counts again, and a new change is a new step of undo
 
 const dial = byId('sun');
 const fog = byId('fog');
@@ -25,59 +24,13 @@ const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 
 let sky = { turn: 0, height: 45 }; // degrees: where the sun stands, to the right from the top of the dial (−z), and above the ground
 
-// Sends some of many changes, and always the last one; the changes of one drag are one for undo.
-function sender(type) {
-  let next = null;
-  let timer = 0;
-  let last = -Infinity;
-  const post = () => {
-    clearTimeout(timer);
-    timer = 0;
-    if (!next) return;
-    send({ type, ...next, goes_on: performance.now() - last < SETTLES_MS });
-    last = performance.now();
-    next = null;
-    timer = setTimeout(post, WAIT_MS);
-  };
-  return {
-    begin: () => {
-      if (next) post();
-      last = -Infinity;
-    },
-    push: (change) => {
-      next = change;
-      if (!timer) post();
-    },
-    // A hand that rests in the midst of a drag goes on with it later.
-    hold: () => {
-      if (last > -Infinity) last = performance.now();
-    },
-    isBusy: () => performance.now() - last < SETTLES_MS,
-  };
-}
-
-const sun = sender('sun');
-const depth = sender('fog');
-let told = null; // the server's last word, while it is not listened to
-let settles = 0;
+const sun = makeSender('sun');
+const depth = makeSender('fog');
+const isBusy = () => sun.isBusy() || depth.isBusy() || dial.matches(':active') || fog.matches(':active');
 
 function takeLook(look) {
-  told = look;
-  settle();
-}
-
-// What comes back in the midst of a drag is older than what the hand says.
-function settle() {
-  if (!told) return;
-  if (sun.isBusy() || depth.isBusy() || dial.matches(':active') || fog.matches(':active')) {
-    clearTimeout(settles);
-    settles = setTimeout(settle, SETTLES_MS);
-    return;
-  }
-  state.look = told;
-  told = null;
-  const direction = state.look.sun;
-  if (direction) sky = skyOf(direction);
+  state.look = look;
+  if (look.sun) sky = skyOf(look.sun);
   show();
 }
 
@@ -223,7 +176,7 @@ export function watchLight() {
   dial.addEventListener('keydown', stepSun);
   fog.addEventListener('pointerdown', depth.begin);
   fog.addEventListener('input', dragFog);
-  listen('look', takeLook);
+  listen('look', whenSettled(isBusy, takeLook));
   listen('theme view scene free', () => {
     if (state.look.sun) drawDial();
   });

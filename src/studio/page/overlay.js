@@ -6,6 +6,7 @@ import { paintInHand, selectedStroke } from './actions.js';
 import { strokeUnderWay } from './brush.js';
 import { cssColor } from './colour.js';
 import { isShown } from './groups.js';
+import { drawPoint, isInHand, pointsIn } from './points.js';
 import { drawOutline, drawPaint, hardnessOf } from './strokes.js';
 
 export const GRIP_RADIUS = 15;
@@ -62,6 +63,12 @@ function drawMarksOf(place) {
   }
   for (const entry of state.pending) {
     if (entry.view === view) drawPaint(marks, entry.stroke, place);
+  }
+  if (state.showsPoints) {
+    for (const { layer, number, point } of pointsIn(view)) {
+      const [x, y] = point.pixel.map((value, axis) => (axis === 0 ? place.x : place.y) + value * place.scale);
+      drawPoint(marks, x, y, point, isInHand(layer, number));
+    }
   }
   if (state.selection?.view === view && !state.draft) drawSelected(marks, selectedStroke(), place);
 }
@@ -144,7 +151,7 @@ function drawPointer() {
     const place = activePane();
     if (place) drawRing(place, place.box.x + place.box.width / 2, place.box.y + place.box.height / 2);
   }
-  if (!pointer || state.spaceHeld || pointer.isOnWipe) return;
+  if (!pointer || state.spaceHeld || pointer.isOnWipe || state.asks) return;
   const place = paneAt(pointer);
   if (!place) return;
   if (state.tool === 'pick' || state.altHeld) drawLoupe(pointer);
@@ -176,11 +183,11 @@ function drawLoupe({ x, y }) {
   for (const radius of [17, 27]) twoTone(live, 1, () => live.arc(x, y, radius, 0, 2 * Math.PI));
 }
 
-listen('camera scene strokes groups selection marks seeing view', redrawMarks);
+listen('camera scene strokes groups selection marks seeing view looks', redrawMarks);
 listen('picture', ({ kind }) => {
   if (kind === 'after') redrawMarks();
 });
-listen('brush tool wipe pointer live', redrawLive);
+listen('brush tool wipe pointer live asks', redrawLive);
 listen('brush', (change) => {
   if (!change || !('radius' in change || 'hardness' in change)) return;
   sizeShownUntil = performance.now() + SIZE_SHOWN_MS;

@@ -49,6 +49,11 @@ const kinds = {
     cancel: returnFromPick,
   },
   wipe: { move: (place, points) => dragWipe(place, points.at(-1)) },
+  // What a click in the picture is for just now.
+  ask: {
+    move: (place, points) => state.asks?.move?.(place.view, toPicture(place, points.at(-1))),
+    end: () => state.asks?.end?.(),
+  },
   pan: {
     move: (place, points) => panBy(place, ...stepTo(points.at(-1))),
   },
@@ -68,6 +73,7 @@ function kindFor(event, place, point) {
   if (event.button === 1 || (event.button === 0 && state.spaceHeld)) return 'pan';
   if (event.button !== 0 && event.button !== ERASER_BUTTON) return null;
   if (isOnWipe(place, point)) return 'wipe';
+  if (state.asks) return 'ask';
   if (event.altKey || state.tool === 'pick') return 'pick';
   return state.tool === 'select' ? 'move' : 'stroke';
 }
@@ -85,10 +91,14 @@ function dragWipe(place, { x }) {
   if (width > 0) moveWipe((x - left) / width);
 }
 
+function isInPicture(place, point) {
+  const [x, y] = toPicture(place, point);
+  return x >= 0 && y >= 0 && x < place.size[0] && y < place.size[1];
+}
+
 function reach({ view, ...place }, point) {
   const [x, y] = toPicture(place, point).map(Math.floor);
-  const [width, height] = place.size;
-  if (x < 0 || y < 0 || x >= width || y >= height || lastReach === `${view} ${x} ${y}`) return;
+  if (!isInPicture(place, point) || lastReach === `${view} ${x} ${y}`) return;
   lastReach = `${view} ${x} ${y}`;
   send({ type: 'reach', view, x, y });
 }
@@ -113,6 +123,7 @@ function begin(event) {
   gesture = { kind, view: place.view, id: event.pointerId, last: point, free: state.free };
   if (kind === 'stroke') startStroke(place, point, { isErasing: state.tool === 'eraser' || event.button === ERASER_BUTTON });
   if (kind === 'move') startMove(place, point);
+  if (kind === 'ask' && isInPicture(place, point)) state.asks.begin(place.view, toPicture(place, point));
   if (kind === 'pick') {
     lastReach = '';
     reach(place, point);
@@ -225,7 +236,7 @@ function showCursor() {
   if (['pan', 'orbit', 'slide'].includes(gesture?.kind)) cursor = 'grabbing';
   else if (state.spaceHeld || state.free) cursor = 'grab';
   else if (state.pointer?.isOnWipe) cursor = 'ew-resize';
-  else if (state.altHeld || state.tool === 'pick') cursor = 'crosshair';
+  else if (state.asks || state.altHeld || state.tool === 'pick') cursor = 'crosshair';
   else if (state.tool === 'select') cursor = 'default';
   canvas.style.cursor = cursor;
 }
@@ -238,7 +249,7 @@ export function watchPointer() {
   canvas.addEventListener('pointerleave', hover);
   canvas.addEventListener('wheel', wheel, { passive: false });
   canvas.addEventListener('contextmenu', (event) => event.preventDefault());
-  listen('pointer tool free', showCursor);
+  listen('pointer tool free asks', showCursor);
   // Nothing goes on that had begun before the camera was taken, or among views that were others.
   listen('free', () => {
     if (gesture && state.free !== gesture.free) cancelGesture();

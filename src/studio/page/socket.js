@@ -37,7 +37,7 @@ export function send(message) {
   if (!isOpen()) return;
   const text = JSON.stringify(message);
   if (text.length <= LARGEST) socket.send(text);
-  else tell('notice', { kind: 'error', text: 'This stroke has too many points to be changed here.' });
+  else tell('notice', { kind: 'error', text: 'This has too many points to be changed here.' });
 }
 
 // A stroke is kept until the server lists it, and sent again if the connection is lost before.
@@ -65,7 +65,9 @@ const receivers = {
   progress: receiveProgress,
   exporting: receiveExporting,
   look: ({ sun, sigma_t, span }) => tell('look', { sun, sigma_t, span }),
+  looks: ({ type, ...looks }) => tell('looks-told', looks),
   reached: (message) => tell('reached', message),
+  seen: (message) => tell('part', message),
   notice: receiveNotice,
 };
 

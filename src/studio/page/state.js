@@ -13,6 +13,7 @@ export const state = {
   pictures: new Map(), // by "kind/view"
   progress: null,
   look: { sun: null, sigma_t: null, span: 1 }, // what of the light and the fog can be changed
+  looks: null, // { looks, names, texels, metres_per_unit, far, places, isTold }: how shafts are bent and coloured; null for a volume
   isExporting: false,
 
   view: 0,
@@ -26,6 +27,7 @@ export const state = {
   showsConflicts: false,
   showsOutlines: false,
   showsLightMap: false,
+  showsPoints: false, // those of the transfer function that views have given
   stops: 0,
   baseExposure: 1,
 
@@ -36,9 +38,11 @@ export const state = {
   theme: '',
   penSeen: false,
   penPressure: true,
-  closed: [], // sections of the panel
+  closed: ['looks-section'], // sections of the panel
   selection: null, // { view, number }
   draft: null, // { view, number, stroke }: the selected stroke while it is changed
+  point: null, // { layer, number }: the chosen one of the transfer function
+  asks: null, // { hint, begin, … }: what a click in the picture is for, in place of the brush
   live: null, // { view, stroke, pressures, tip }: the stroke under way
   pending: [], // strokes whose light has not been seen yet
   free: null, // { view, camera, … }: the free camera, while it flies

@@ -74,8 +74,12 @@ function showExposure() {
 
 function showTool() {
   for (const button of all('[data-tool]')) button.setAttribute('aria-pressed', button.dataset.tool === state.tool);
-  byId('tool-hint').textContent = HINTS[state.tool];
+  showToolHint();
   showPanelTitle();
+}
+
+function showToolHint() {
+  byId('tool-hint').textContent = state.free ? '' : state.asks?.hint ?? HINTS[state.tool];
 }
 
 const selectionTitle = ({ view, number }) => `Stroke ${number + 1} of ${state.views[view].name}`;
@@ -96,7 +100,7 @@ function showFree() {
   byId('camera').setAttribute('aria-pressed', isFree);
   byId('camera').disabled = !isFree && (state.socket !== 'open' || !state.views[state.view]?.camera);
   byId('zoom').disabled = isFree;
-  byId('tool-hint').textContent = isFree ? '' : HINTS[state.tool];
+  showToolHint();
   showSteps();
   showHint();
 }
@@ -175,6 +179,9 @@ export function watchTools() {
       }
     });
   }
+  document.querySelector('.panel').addEventListener('change', ({ target }) => {
+    if (target.matches('select') && !document.body.classList.contains('by-keys')) byId('view-canvas').focus({ preventScroll: true });
+  });
   watchSliders();
   watchSections();
   byId('pen-pressure').addEventListener('change', ({ target }) => {
@@ -184,6 +191,7 @@ export function watchTools() {
   matchMedia('(prefers-color-scheme: light)').addEventListener('change', () => tell('theme'));
   listen('brush selection scene', showSliders);
   listen('tool', showTool);
+  listen('asks', showToolHint);
   listen('selection', showPanelTitle);
   listen('seeing scene', showSeeing);
   listen('seeing scene socket view', showFree);
