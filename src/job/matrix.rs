@@ -3,7 +3,7 @@
 use super::memory::{MemoryBudget, painted};
 use super::steps::Steps;
 use super::volume::{self, nothing_asked};
-use super::{Folder, Job, Scenes};
+use super::{Folder, Job};
 use crate::problem::{LightMapProblem, Problem, Traced};
 use crate::scene::Rgb;
 use crate::sparse::ExplicitMatrix;
@@ -49,8 +49,9 @@ pub(super) fn of(job: &Job, steps: &mut Steps<'_>) -> Result<Exported> {
     // Of several key frames the first.
     let volume = job.scenes.volumes().into_iter().next().map(|(_, scene)| scene);
     let geometry = job.scenes.geometry()?;
-    match (&job.scenes, volume) {
-        (Scenes::LightMap(scene), _) => {
+    let light = job.scenes.painted_scenes(&geometry)?.into_iter().next();
+    match (light, volume) {
+        (Some(scene), _) => {
             let medium = [
                 "medium",
                 "a medium whose channels differ",
@@ -58,7 +59,7 @@ pub(super) fn of(job: &Job, steps: &mut Steps<'_>) -> Result<Exported> {
             ];
             check_grey(scene.medium.is_grey(), medium)?;
             steps.begin("tracing", None);
-            let problem = LightMapProblem::of(scene, &geometry, painted(scene)?, &Traced)?;
+            let problem = LightMapProblem::of(&scene, &geometry, painted(&scene)?, &Traced)?;
             let surroundings = [
                 "surroundings",
                 "surfaces of a colour, which the surroundings make part of the rows",
@@ -66,7 +67,7 @@ pub(super) fn of(job: &Job, steps: &mut Steps<'_>) -> Result<Exported> {
             ];
             check_grey(problem.is_grey(), surroundings)?;
             steps.begin("walking", None);
-            let most = MemoryBudget::of_light_map(scene).budget(&scene.solve, &problem)? / BYTES;
+            let most = MemoryBudget::of_light_map(&scene).budget(&scene.solve, &problem)? / BYTES;
             let widths = scene.views.iter().map(|view| view.camera.size()[0]);
             exported(&problem, problem.explicit(most)?, problem.starts(), widths.collect())
         }

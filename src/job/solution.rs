@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use super::engine::Engine;
 use super::folder::Folder;
+use super::light_animation::{self, FoundLightAnimation};
 use super::light_map::{self, FoundLightMap};
 use super::observer::{Observer, Quiet};
 use super::peak_memory;
@@ -23,6 +24,7 @@ enum Found {
     LightMap(Arc<Scene>, Box<FoundLightMap>),
     Volume(Arc<VolumeScene>, Box<FoundVolume>),
     Animation(Box<FoundAnimation>),
+    LightAnimation(Box<FoundLightAnimation>),
 }
 
 /// What a job has found: a light map or a volume, what it looks like, and how sure that is.
@@ -73,7 +75,11 @@ impl Solution {
         let mut steps = Steps::new(observer, &options.stop, job.timings.clone());
         let found = match &job.scenes {
             Scenes::LightMap(scene) => {
-                let found = light_map::solve(scene, options, &mut engine, folder.as_ref(), &mut steps)?;
+                let place =
+                    light_map::Place { options, folder: folder.as_ref(), prefix: "", is_later: false };
+                steps.begin("tracing", None);
+                let geometry = job.scenes.geometry()?;
+                let found = light_map::solve(scene, &geometry, &mut engine, place, &mut steps)?;
                 Found::LightMap(scene.clone(), Box::new(found))
             }
             Scenes::Volume(scene) => {
@@ -84,6 +90,11 @@ impl Solution {
                 let found = volume::solve_keys(animated, options, &mut engine, folder.as_ref(), &mut steps)?;
                 Found::Animation(Box::new(found))
             }
+            Scenes::LightAnimation(animated) => {
+                let found =
+                    light_animation::solve_keys(animated, options, &mut engine, folder.as_ref(), &mut steps)?;
+                Found::LightAnimation(Box::new(found))
+            }
         };
         let timings = steps.finish();
         let report = found.report(&timings)?;
@@ -91,7 +102,7 @@ impl Solution {
         Ok(Self { found, resolved, owner, options: options.clone(), folder, report, timings })
     }
 
-    /// The light map of a sun, row 0 its top edge as seen upright from the sun.
+    /// The light map of a sun, row 0 its top edge as seen upright from the sun; of an animation that of its first key.
     ///
     /// Shapes  as `light_map.size` of the scene
     /// Units   radiance over one steradian
@@ -99,6 +110,7 @@ impl Solution {
     pub fn light_map(&self) -> Result<Image> {
         match &self.found {
             Found::LightMap(_, found) => found.light_map(),
+            Found::LightAnimation(found) => found.light_map(),
             _ => Err(Error::Empty {
                 reason: "no light map was looked for".to_owned(),
                 remedy: "solve a scene without a volume",
@@ -111,7 +123,7 @@ impl Solution {
     /// Errors: [`Error::Empty`] where none was looked for.
     pub fn volume(&self) -> Result<&VolumeState> {
         let state = match &self.found {
-            Found::LightMap(..) => None,
+            Found::LightMap(..) | Found::LightAnimation(_) => None,
             Found::Volume(_, found) => Some(found.state()),
             Found::Animation(found) => found.first().map(|key| key.state()),
         };
@@ -145,6 +157,7 @@ impl Solution {
             Found::Animation(found) => {
                 found.first().and_then(|key| key.picture(view)).cloned().ok_or_else(unknown)
             }
+            Found::LightAnimation(found) => found.picture(view).cloned().ok_or_else(unknown),
         }
     }
 
@@ -198,6 +211,7 @@ impl Solution {
             Found::LightMap(_, found) => found.computed.is_interrupted(),
             Found::Volume(_, found) => found.is_interrupted(),
             Found::Animation(found) => found.is_interrupted(),
+            Found::LightAnimation(found) => found.is_interrupted(),
         }
     }
 
@@ -228,7 +242,8 @@ impl Solution {
         let (written, told) = warning::collected(|| self.found.write(&self.options, folder, &mut steps));
         let (in_page, drawn) = written?;
         // Of the others everything is written, whoever asks to stop now.
-        let leaves_frames_out = matches!(self.found, Found::Animation(_)) && steps.stops();
+        let leaves_frames_out =
+            matches!(self.found, Found::Animation(_) | Found::LightAnimation(_)) && steps.stops();
         let is_interrupted = self.is_interrupted() || leaves_frames_out;
         let total = self.total() + clock.elapsed().as_secs_f64();
         let timings = steps.finish().into_iter().chain([("total".to_owned(), total)]);
@@ -273,6 +288,7 @@ impl Found {
             Self::LightMap(scene, found) => found.report(scene, timings),
             Self::Volume(scene, found) => found.report(scene, timings),
             Self::Animation(found) => found.report(timings),
+            Self::LightAnimation(found) => found.report(timings),
         }
     }
 
@@ -280,6 +296,7 @@ impl Found {
     fn chosen(&self) -> Vec<Chosen> {
         match self {
             Self::LightMap(scene, found) => found.chosen(scene),
+            Self::LightAnimation(found) => found.chosen(),
             Self::Volume(..) | Self::Animation(_) => Vec::new(),
         }
     }
@@ -295,6 +312,7 @@ impl Found {
             Self::LightMap(scene, found) => Ok((found.write(scene, folder)?, 0)),
             Self::Volume(scene, found) => Ok((found.write(scene, options, folder)?, 0)),
             Self::Animation(found) => found.write(options, folder, steps),
+            Self::LightAnimation(found) => found.write(folder, steps),
         }
     }
 }

@@ -184,6 +184,12 @@ pub enum Blend {
 }
 
 impl Transfer {
+    /// One of these layers, with everything else at its default.
+    pub fn new(layers: Vec<TransferLayer>) -> Self {
+        let role = TransferRole::default();
+        Self { role, axes: axes(), far: None, size: size(), layers, strength: one() }
+    }
+
     pub(super) fn build(
         &self,
         views: &[scene::View],

@@ -73,9 +73,14 @@ impl SeenAxes<'_> {
     }
 }
 
-/// How far views see: most of their rays end nearer, at a surface or where the medium has swallowed what is behind it. In metres.
-pub(super) fn seen_far(scene: &Scene, geometry: &Geometry) -> f64 {
-    let sight = Sight::of_views(scene, geometry);
+/// How far the views of scenes see: most of their rays end nearer, at a surface or where the medium has swallowed what is behind it. In
+/// metres.
+pub(in crate::problem) fn seen_far<'s>(
+    scenes: impl IntoIterator<Item = &'s Scene>,
+    geometry: &Geometry,
+) -> f64 {
+    let sights = scenes.into_iter().map(|scene| Sight::of_views(scene, geometry));
+    let sight = sights.fold(Sight::default(), |all, sight| all.and(&sight));
     let mut lengths: Vec<f64> = sight.stretches().iter().map(|[from, to]| from.distance(*to)).collect();
     lengths.sort_by(f64::total_cmp);
     let index = (NEARER * lengths.len() as f64) as usize;
