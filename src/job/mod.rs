@@ -57,6 +57,7 @@ pub(crate) use asked::AskedProblem;
 pub(crate) use compute::device;
 pub(crate) use engine::Engine;
 pub use engine::{Backend, EngineChoice};
+#[cfg(feature = "studio")]
 pub(crate) use exposure::readable;
 pub(crate) use folder::Folder;
 #[cfg(feature = "cli")]

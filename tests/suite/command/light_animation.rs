@@ -136,7 +136,7 @@ fn the_far_end_of_depth_is_the_same_at_all_frames() {
 fn points_that_a_view_sees_follow_its_camera() {
     let points = |at: Value| {
         let points = json!([at, { "color": "#2040ff", "at": [0.0, 0.0] }]);
-        json!({ "transfer": { "far": 30, "layers": [{ "diffusion": { "points": points } }] } })
+        json!({ "transfer": { "far": 30, "size": [32, 32], "layers": [{ "diffusion": { "points": points } }] } })
     };
     let mut scene = moving("none");
     for key in scene["animation"]["keys"].as_array_mut().unwrap() {
