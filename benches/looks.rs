@@ -61,8 +61,7 @@ fn main() {
     }
     let nothing = time(&OccluderEditKind::Fill(Kernel::Square, Radius::Texels(0.0)));
     println!("{:24} {nothing:8.0}", "the map and its pyramid");
-    let holes = Holes { pierced: Vec::new(), noise, threshold, sway: None };
-    let pierce = time(&OccluderEditKind::Pierce(holes));
+    let pierce = time(&OccluderEditKind::Pierce(Holes::new(Vec::new(), noise, 0.4, None)));
     println!("{:24} {pierce:8.0}", "hole map, 5 octaves");
     for (name, looks) in [
         ("without a function", "{}"),

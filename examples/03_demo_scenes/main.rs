@@ -27,6 +27,7 @@ mod numbers;
 mod painter;
 mod smoke;
 mod stage;
+mod sunrise;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("strokes"), PathBuf::from);
@@ -68,6 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let path = folder.join(name).with_extension("json");
         demo.write(&path)
     })?;
+    std::fs::write(folder.join("sunrise.json"), scene_file::write(&sunrise::document())?)?;
     write_volume(&folder.join("hand.json"), &hand::write(&folder)?)?;
     write_volume(&folder.join("glass.json"), &glass::write(&folder)?)?;
     let mut cloud = cloud::write(&folder)?;

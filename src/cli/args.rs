@@ -38,7 +38,7 @@ pub(crate) enum Command {
     LightMap(LightMapArguments),
     /// Find the emission, albedo or extinction of a volume behind target pictures, or the light around it.
     Volume(VolumeArguments),
-    /// Find what is asked for at the key frames of a volume, and draw all frames.
+    /// Draw all frames of an animation: of the sun, cameras and looks, or of a volume; what its key frames ask for is found first.
     Animate(AnimateArguments),
     /// Draw the views of a scene, under its plain light or under a light map.
     Render(RenderArguments),
@@ -324,7 +324,7 @@ pub(crate) struct AnimateArguments {
     pub(crate) output: OutputArguments,
     #[command(flatten)]
     pub(crate) solve: SolveArguments,
-    /// What to look for at every key, instead of what the scene says: as of `volume`.
+    /// What to look for at every key of a volume, instead of what the scene says: as of `volume`.
     #[arg(long, value_name = "NAME")]
     pub(crate) find: Option<String>,
     /// Draw only these frames, both ends included; all keys are solved in any case.
@@ -339,6 +339,16 @@ pub(crate) struct AnimateArguments {
 }
 
 impl AnimateArguments {
+    /// A flag that was given and is about volumes alone.
+    pub(crate) fn flag_of_volumes(&self) -> Option<&'static str> {
+        let given = [
+            ("--find", self.find.is_some()),
+            ("--volumes", self.volumes),
+            ("--format", !self.formats.is_empty()),
+        ];
+        given.into_iter().find(|(_, is_given)| *is_given).map(|(flag, _)| flag)
+    }
+
     /// The flags that stand for values of the scene.
     pub(crate) fn overrides(&self) -> Vec<String> {
         let find = self.find.iter().map(|find| format!("find={find}"));

@@ -37,14 +37,18 @@ impl SceneArguments {
         self.overrides.iter().chain(flags).cloned().chain(memory).collect()
     }
 
-    /// As [`Self::open`], for a command that finds the light or the medium of one kind of scene only. The kind comes
-    /// first: on the other kind, its flags would be complained about as settings that the scene does not have. What is
-    /// wrong in the file itself is told before either.
+    /// As [`Self::open`], for a command that finds the light or the medium of one kind of scene only.
     fn open_as(&self, wanted: Subject, flags: &[String]) -> Result<Job> {
+        self.job(&self.read_as(&[wanted])?, flags)
+    }
+
+    /// Reads the scene file of a command that takes some kinds of scenes only. The kind comes first: on another kind, its flags would be
+    /// complained about as settings that the scene does not have. What is wrong in the file itself is told before either.
+    fn read_as(&self, wanted: &[Subject]) -> Result<SceneFile> {
         let file = SceneFile::read(&self.scene)?;
         let is = file.subject();
-        if is == wanted {
-            return self.job(&file, flags);
+        if wanted.contains(&is) {
+            return Ok(file);
         }
         Job::of_file(&file, &[])?;
         let (given, expected) = match is {
@@ -55,7 +59,7 @@ impl SceneArguments {
                 "a scene with `volume`, without `animation`",
                 "another; volumes are found by `unscatter volume`",
             ),
-            Subject::Animation => {
+            Subject::Animation | Subject::LightAnimation => {
                 ("a scene with `animation`", "one without; animations are made by `unscatter animate`")
             }
         };
@@ -171,7 +175,11 @@ pub(super) fn volume(arguments: &VolumeArguments, manners: &Manners) -> Result<D
 /// `unscatter animate`: solves the key frames, spreads what they found, blends, and draws every frame.
 pub(super) fn animate(arguments: &AnimateArguments, manners: &Manners) -> Result<Done> {
     let bar = Bar::new(manners.quiet);
-    let job = arguments.scene.open_as(Subject::Animation, &arguments.overrides())?;
+    let file = arguments.scene.read_as(&[Subject::Animation, Subject::LightAnimation])?;
+    if let (Subject::LightAnimation, Some(flag)) = (file.subject(), arguments.flag_of_volumes()) {
+        return Err(Error::value(flag, "a scene without `volume`", "left away: it is about volumes"));
+    }
+    let job = arguments.scene.job(&file, &arguments.overrides())?;
     let folder = arguments.output.folder(&arguments.scene.scene);
     let options = Options {
         formats: arguments.formats()?,
@@ -186,13 +194,13 @@ pub(super) fn animate(arguments: &AnimateArguments, manners: &Manners) -> Result
 pub(super) fn render(arguments: &RenderArguments, manners: &Manners) -> Result<Done> {
     let mut bar = Bar::new(manners.quiet);
     let job = arguments.scene.open(&[])?;
-    if !matches!(job.scenes(), Scenes::LightMap(_)) && arguments.light_map.is_some() {
+    if !job.scenes().have_light_maps() && arguments.light_map.is_some() {
         let expected =
             "left away: volumes have none; put one in by --set volume.emission.file=FILE or the like";
         return Err(Error::value("--light-map", "a light map", expected));
     }
     let folder = arguments.output.folder(&arguments.scene.scene);
-    if !matches!(job.scenes(), Scenes::LightMap(_)) && arguments.only.is_some() {
+    if !job.scenes().have_light_maps() && arguments.only.is_some() {
         return Err(Error::value("--only", "scattering", "left away: pictures of volumes show all light"));
     }
     if !matches!(job.scenes(), Scenes::LightMap(_)) && !arguments.without.is_empty() {

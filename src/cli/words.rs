@@ -79,13 +79,16 @@ pub(super) fn of_report(report: &Report, folder: &Path, numbers: bool) -> String
         0 => report.problem.rows,
         painted => painted,
     };
-    lines.push(format!(
-        "{}: {}; {} in {}, {total:.1} s in all",
-        report.scene,
-        met(report, &report.weighted_residual, report.hue.as_ref()),
-        counted(pixels, pixel),
-        counted(report.problem.views, "view"),
-    ));
+    lines.push(match report.is_of_solve() {
+        true => format!(
+            "{}: {}; {} in {}, {total:.1} s in all",
+            report.scene,
+            met(report, &report.weighted_residual, report.hue.as_ref()),
+            counted(pixels, pixel),
+            counted(report.problem.views, "view"),
+        ),
+        false => format!("{}: {total:.1} s in all", report.scene),
+    });
     for view in &report.matched {
         let met = met(report, &view.weighted_residual, view.hue.as_ref());
         let numbers =
@@ -102,12 +105,13 @@ pub(super) fn of_report(report: &Report, folder: &Path, numbers: bool) -> String
     if let Some(around) = &report.surroundings {
         lines.push(format!("  around the light map: {}", around.in_words()));
     }
-    if numbers {
+    if numbers && report.is_of_solve() {
         lines.extend(of_solves(report, pixel));
     }
     if let Some(animation) = &report.animation {
         for key in &animation.keys {
-            lines.push(format!("  frame {:<10} {}", key.frame, met(report, &key.weighted_residual, None)));
+            let told = key.weighted_residual.map(|change| met(report, &change, None));
+            lines.extend(told.map(|met| format!("  frame {:<10} {met}", key.frame)));
         }
         let spread: u64 = animation.keys.iter().map(|key| key.spread_voxels).sum();
         let filled = if spread > 0 { format!("; diffusion filled {spread} voxels") } else { String::new() };

@@ -5,10 +5,10 @@ use std::time::Instant;
 
 use super::memory::{self, MemoryBudget};
 use super::steps::Steps;
-use super::{Scenes, volume};
+use super::{Scenes, film, volume};
 use crate::Result;
-use crate::problem::{LightMapProblem, Problem, Traced, TransferProblem, VolumeProblem};
-use crate::scene::{Find, SolveSettings, Sought, VolumeScene};
+use crate::problem::{LightMapProblem, Problem, Traced, TransferProblem, VolumeProblem, settle_key_frames};
+use crate::scene::{Find, KeyFrame, Scene, SolveSettings, Sought, VolumeScene};
 use crate::visibility::Geometry;
 
 /// A problem, before anything is solved.
@@ -37,6 +37,7 @@ impl Scenes {
             Self::LightMap(scene) => Some(&scene.mesh),
             Self::Volume(scene) => Some(&scene.mesh),
             Self::Animation(animated) => animated.animation.keys.first().map(|key| &key.scene.mesh),
+            Self::LightAnimation(animated) => animated.animation.keys.first().map(|key| &key.scene.mesh),
         };
         Ok(Arc::new(Geometry::new(mesh.cloned().unwrap_or_default())?))
     }
@@ -44,35 +45,62 @@ impl Scenes {
     /// The volume scenes: one, or those of the key frames, with what the names of their files begin with.
     pub(crate) fn volumes(&self) -> Vec<(String, VolumeScene)> {
         match self {
-            Self::LightMap(_) => Vec::new(),
+            Self::LightMap(_) | Self::LightAnimation(_) => Vec::new(),
             Self::Volume(scene) => vec![(String::new(), VolumeScene::clone(scene))],
             Self::Animation(animated) => {
                 let keys = animated.animation.keys.iter();
-                let named = |key: &crate::scene::KeyFrame| {
+                let named = |key: &KeyFrame| {
                     let name = format!("{}, frame {}", key.scene.name, key.frame);
-                    (volume::of_frame("frame", key.frame), VolumeScene { name, ..key.scene.clone() })
+                    (film::of_frame("frame", key.frame), VolumeScene { name, ..key.scene.clone() })
                 };
                 keys.map(named).collect()
             }
         }
     }
 
-    /// All problems: a light map or a transfer function, or each stage of each volume.
+    /// The scenes of light maps: one, or those of the key frames, with what the names of their files begin with.
+    pub(crate) fn light_scenes(&self, geometry: &Arc<Geometry>) -> Result<Vec<(String, Scene)>> {
+        match self {
+            Self::LightMap(scene) => Ok(vec![(String::new(), Scene::clone(scene))]),
+            Self::Volume(_) | Self::Animation(_) => Ok(Vec::new()),
+            Self::LightAnimation(animated) => {
+                let animated = settle_key_frames(animated, geometry)?;
+                let named = |KeyFrame { frame, scene }: KeyFrame<Scene>| {
+                    let name = format!("{}, frame {frame}", scene.name);
+                    (film::of_frame("frame", frame), Scene { name, ..scene })
+                };
+                Ok(animated.animation.keys.into_iter().map(named).collect())
+            }
+        }
+    }
+
+    /// Those of them whose paint is looked at.
+    pub(crate) fn painted_scenes(&self, geometry: &Arc<Geometry>) -> Result<Vec<Scene>> {
+        let mut scenes: Vec<Scene> =
+            self.light_scenes(geometry)?.into_iter().map(|(_, scene)| scene).collect();
+        if let Self::LightAnimation(animated) = self {
+            scenes.truncate(animated.light_maps.count(scenes.len()));
+        }
+        Ok(scenes)
+    }
+
+    /// All problems: each light map or transfer function, or each stage of each volume. Frames can be drawn without any.
     pub(crate) fn asked(&self, geometry: &Arc<Geometry>, steps: &mut Steps<'_>) -> Result<Vec<AskedProblem>> {
-        if let Self::LightMap(scene) = self {
+        let mut all = Vec::new();
+        for scene in self.painted_scenes(geometry)? {
             steps.begin("tracing", None);
-            let (clock, memory) = (Instant::now(), MemoryBudget::of_light_map(scene));
-            let painted = memory::painted(scene)?;
+            let (clock, memory) = (Instant::now(), MemoryBudget::of_light_map(&scene));
+            let painted = memory::painted(&scene)?;
             let (find, problem): (_, Box<dyn Problem>) = match scene.find {
                 Sought::LightMap => {
-                    ("light map", Box::new(LightMapProblem::of(scene, geometry, painted, &Traced)?))
+                    ("light map", Box::new(LightMapProblem::of(&scene, geometry, painted, &Traced)?))
                 }
                 Sought::Transfer => {
-                    ("transfer function", Box::new(TransferProblem::of(scene, geometry, painted, &Traced)?))
+                    ("transfer function", Box::new(TransferProblem::of(&scene, geometry, painted, &Traced)?))
                 }
             };
             let seconds = clock.elapsed().as_secs_f64();
-            return Ok(vec![AskedProblem {
+            all.push(AskedProblem {
                 scene: scene.name.clone(),
                 find,
                 views: scene.views.len(),
@@ -82,9 +110,8 @@ impl Scenes {
                 memory,
                 solves: 1,
                 seconds,
-            }]);
+            });
         }
-        let mut all = Vec::new();
         for (_, scene) in self.volumes() {
             let (clock, memory) = (Instant::now(), MemoryBudget::of_volume(&scene));
             let problems = volume::problems(&scene, geometry, steps)?;

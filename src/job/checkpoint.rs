@@ -1,6 +1,7 @@
 //! Checkpoints: what a solve goes on from.
 
 use std::cell::Cell;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::folder::Folder;
@@ -75,6 +76,14 @@ impl Keeper {
             blocks.iter().try_for_each(|block| put(block))?;
             snapshot.hand_out(&mut |vector| put(vector.as_flattened()))
         })
+    }
+
+    /// What a solve goes on from; where others were solved before, it may have come to nothing yet.
+    pub(super) fn resumed(&self, is_later: bool) -> Result<Option<Paused>> {
+        match self.read() {
+            Err(Error::File { source, .. }) if is_later && source.kind() == ErrorKind::NotFound => Ok(None),
+            read => read.map(Some),
+        }
     }
 
     pub(super) fn read(&self) -> Result<Paused> {

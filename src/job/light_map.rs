@@ -1,5 +1,7 @@
 //! From painted strokes to a light map.
 
+use std::sync::Arc;
+
 use glam::DVec2;
 use serde_json::json;
 
@@ -22,10 +24,13 @@ use crate::operator::CpuVector;
 use crate::problem::{Assessment, Assessor, Canvas, LightMapProblem, Renderer, held_back};
 use crate::report::{self, Change, FoundPicture, LightRecord, Report, Share, SunRecord, SurroundingsRecord};
 use crate::scene::{Environment, Grid, Image, MapFit, Rgb, Scene, Sky, SolveSettings};
+use crate::visibility::Geometry;
 
 /// A light map that was found, and all there is to know about it.
 #[derive(Debug)]
 pub(crate) struct FoundLightMap {
+    /// What the names of its files begin with.
+    prefix: String,
     pub(crate) problem: LightMapProblem,
     settings: SolveSettings,
     pub(crate) computed: Computed,
@@ -36,26 +41,38 @@ pub(crate) struct FoundLightMap {
     pub(crate) pictures: Vec<ViewImages>,
 }
 
-/// Solves a scene; checkpoints and previews go to the folder, if there is one.
+/// Where a light map is looked for.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a> {
+    pub(super) options: &'a Options,
+    pub(super) folder: Option<&'a Folder>,
+    /// What the names of its files begin with.
+    pub(super) prefix: &'a str,
+    /// Whether others were solved before, so that there need not be a checkpoint to resume from.
+    pub(super) is_later: bool,
+}
+
+/// Solves a scene, in the step `tracing` that has begun with `geometry`, the hierarchy over its triangles. Checkpoints and previews go to the
+/// folder, if there is one.
 pub(super) fn solve(
     scene: &Scene,
-    options: &Options,
+    geometry: &Arc<Geometry>,
     engine: &mut Engine,
-    folder: Option<&Folder>,
+    place: Place<'_>,
     steps: &mut Steps<'_>,
 ) -> Result<FoundLightMap> {
-    steps.begin("tracing", None);
-    let problem = trace(scene, engine, options.rasterize, steps, &LightMapProblem::of)?;
+    let Place { options, folder, prefix, is_later } = place;
+    let problem = trace(scene, geometry, (engine, options.rasterize), steps, &LightMapProblem::of)?;
     steps.go_on()?;
     warnings::tell_of_fog(scene, &problem.maps.geometry);
     warnings::tell_of_panes(&problem.maps);
     warnings::tell_of_shadow(scene, &problem)?;
     let memory = MemoryBudget::of_light_map(scene);
     let settings = memory.settled(scene.solve.clone(), &problem)?;
-    let keeper = |folder| Keeper::new(folder, "checkpoint", &settings, &problem);
+    let keeper = |folder| Keeper::new(folder, &format!("{prefix}checkpoint"), &settings, &problem);
     let checkpoint = folder.map(keeper).transpose()?;
     let resumed = match &checkpoint {
-        Some(checkpoint) if options.resume => Some(checkpoint.read()?),
+        Some(checkpoint) if options.resume => checkpoint.resumed(is_later)?,
         _ => None,
     };
     let task = ProblemSolve {
@@ -64,7 +81,9 @@ pub(super) fn solve(
         memory: &memory,
         options,
         checkpoint: checkpoint.as_ref(),
-        preview: &|elements| folder.map_or(Ok(()), |folder| preview(scene, &problem, folder, elements)),
+        preview: &|elements| {
+            folder.map_or(Ok(()), |folder| preview(scene, &problem, (folder, prefix), elements))
+        },
     };
     let (computed, (assessments, held_back)) =
         task.run(engine, resumed, steps, &|operator, elements, steps| {
@@ -87,13 +106,14 @@ pub(super) fn solve(
         true => {
             steps.begin("rendering", Some(scene.views.len() as u64));
             let renderer = Renderer::new(scene, &problem.maps, Some(&computed.solved.x))?;
-            draw(scene, &problem, &assessments, steps, |view| {
+            draw((scene, prefix), &problem, &assessments, steps, |view| {
                 engine.draw(|canvas| renderer.picture(view, canvas))
             })?
         }
         false => Vec::new(),
     };
-    Ok(FoundLightMap { problem, settings, computed, assessments, light, pictures })
+    let prefix = prefix.to_owned();
+    Ok(FoundLightMap { prefix, problem, settings, computed, assessments, light, pictures })
 }
 
 impl FoundLightMap {
@@ -123,6 +143,19 @@ impl FoundLightMap {
                 let lights = around.sky_of(covered);
                 Share { count: reached(lights), of: lights.len() as u64 }
             }),
+        })
+    }
+
+    /// Σ w ‖L − L*‖² and Σ w ‖L*‖² over painted pixels, before and after.
+    pub(super) fn distances(&self) -> [[f64; 2]; 2] {
+        self.assessments.each_ref().map(|assessment| {
+            let rows = self.problem.constraints.iter().enumerate().filter(|(_, pixel)| pixel.is_painted());
+            rows.fold([0.0; 2], |[miss, all], (row, pixel)| {
+                let (shown, wanted, weight) =
+                    (assessment.shown[row], self.problem.wanted(row), f64::from(pixel.weight));
+                let sum = |of: &dyn Fn(usize) -> f64| weight * (0..3).map(|c| of(c).powi(2)).sum::<f64>();
+                [miss + sum(&|c| f64::from(shown[c] - wanted[c])), all + sum(&|c| f64::from(wanted[c]))]
+            })
         })
     }
 
@@ -176,7 +209,7 @@ impl FoundLightMap {
 
     /// Writes everything but the report; gives back the pictures of the page.
     pub(super) fn write(&self, scene: &Scene, folder: &Folder) -> Result<report::Pictures> {
-        let Self { problem, computed, .. } = self;
+        let Self { prefix, problem, computed, .. } = self;
         let [_, further] = problem.parted(&computed.solved.x);
         let exposure = self.exposure(scene);
         let views = self.pictures.iter().map(|view| view.write(folder, exposure));
@@ -185,17 +218,22 @@ impl FoundLightMap {
             found: Some(FoundPicture {
                 title: "The light map",
                 about: "what the light passes through".to_owned(),
-                png: folder.write_picture("light_map", &self.light_map()?, exposure_of(problem))?,
+                png: folder.write_picture(
+                    &format!("{prefix}light_map"),
+                    &self.light_map()?,
+                    exposure_of(problem),
+                )?,
             }),
             coverage: Some(folder.write_png(
-                "coverage",
+                &format!("{prefix}coverage"),
                 &coverage_picture(problem, &computed.coverage)?,
                 0.0,
             )?),
             environment: write_sky((scene, exposure), folder, further)?,
             ..report::Pictures::default()
         };
-        folder.write_bytes("light_map.placement.json", Placement::of(&problem.maps).to_json()?.as_bytes())?;
+        let placement = Placement::of(&problem.maps).to_json()?;
+        folder.write_bytes(&format!("{prefix}light_map.placement.json"), placement.as_bytes())?;
         Ok(in_page)
     }
 }
@@ -212,15 +250,21 @@ fn write_sky((scene, exposure): (&Scene, f64), folder: &Folder, further: &[Rgb])
     around.sky.as_ref().map(write).transpose()
 }
 
-fn preview(scene: &Scene, problem: &LightMapProblem, folder: &Folder, elements: &[Rgb]) -> Result<()> {
+fn preview(
+    scene: &Scene,
+    problem: &LightMapProblem,
+    (folder, prefix): (&Folder, &str),
+    elements: &[Rgb],
+) -> Result<()> {
     let [texels, _] = problem.parted(elements);
-    folder.write_picture("light_map", &light_map_picture(problem, texels)?, exposure_of(problem))?;
+    let name = format!("{prefix}light_map");
+    folder.write_picture(&name, &light_map_picture(problem, texels)?, exposure_of(problem))?;
     let renderer = Renderer::new(scene, &problem.maps, Some(elements))?;
     let drawn = (0..scene.views.len()).map(|view| renderer.picture(view, &Canvas::Processor));
     let drawn = drawn.collect::<Result<Vec<_>>>()?;
     let exposure = scene.exposure.unwrap_or_else(|| readable(drawn.iter().map(|it| &it.before)));
     for (seen, drawn) in scene.views.iter().zip(&drawn) {
-        folder.write_picture(&format!("{}_after", seen.name), &drawn.after, exposure)?;
+        folder.write_picture(&format!("{prefix}{}_after", seen.name), &drawn.after, exposure)?;
     }
     folder.publish_preview()
 }

@@ -4,7 +4,7 @@ use super::asked::AskedProblem;
 use super::memory::MemoryBudget;
 use super::steps::Steps;
 use super::volume::{self, nothing_asked};
-use super::{Folder, Job, Scenes};
+use super::{Folder, Job};
 use crate::problem::Problem;
 use crate::scene::{Rgb, Sought};
 use crate::sparse::ExplicitMatrix;
@@ -50,8 +50,9 @@ pub(super) fn of(job: &Job, steps: &mut Steps<'_>) -> Result<Exported> {
     // Of several key frames the first.
     let volume = job.scenes.volumes().into_iter().next().map(|(_, scene)| scene);
     let geometry = job.scenes.geometry()?;
-    match (&job.scenes, volume) {
-        (Scenes::LightMap(scene), _) => {
+    let light = job.scenes.painted_scenes(&geometry)?.into_iter().next();
+    match (light, volume) {
+        (Some(scene), _) => {
             let medium = [
                 "medium",
                 "a medium whose channels differ",

@@ -153,6 +153,14 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<()> {
     MemoryBudget::of_light_map(scene).check("the scene's pictures and maps", needed)
 }
 
+/// Errors: as [`check_scene`], of all key frames together.
+pub(crate) fn check_light_keys(keys: &[KeyFrame<Scene>]) -> Result<()> {
+    let Some(first) = keys.first() else { return Ok(()) };
+    check_scene(&first.scene)?;
+    let needed = keys.iter().map(|key| MemoryBudget::of_light_map(&key.scene).scene).sum();
+    MemoryBudget::of_light_map(&first.scene).check("the pictures of all key frames", needed)
+}
+
 /// The painted pixels of a scene.
 ///
 /// Errors: [`Error::TooLarge`] when their rows or their surroundings exceed the memory, before those are made; [`Error::Empty`] when there are

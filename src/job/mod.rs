@@ -15,10 +15,13 @@ mod compute;
 mod engine;
 mod environment;
 mod exposure;
+mod film;
 mod findings;
 mod folder;
 mod held;
+mod light_animation;
 mod light_map;
+mod light_views;
 mod live;
 mod live_volume;
 mod lock;
@@ -42,13 +45,12 @@ use std::time::{Duration, Instant};
 
 use crate::io::image::ExrCompression;
 use crate::io::scene_file::{
-    Animated, AnimatedVolume, Document, Resolved, SceneFile, Subject, VolumeDocument,
+    Animated, AnimatedDocument, AnimatedVolume, Document, Resolved, SceneFile, Subject, VolumeDocument,
 };
 use crate::io::volume::Format;
-use crate::problem::{DrawnLight, Renderer, fit};
-use crate::scene::{Look, Scene, Sought, VolumeScene};
-use crate::visibility::Geometry;
-use crate::{Error, Result, Warning, io, warning};
+use crate::problem::DrawnLight;
+use crate::scene::{AnimatedScene, Look, Scene, Sought, VolumeScene};
+use crate::{Error, Result, Warning, warning};
 
 pub use crate::io::machine::{default_budget, free_memory, peak_memory, processor};
 
@@ -57,6 +59,7 @@ pub(crate) use asked::AskedProblem;
 pub(crate) use compute::device;
 pub(crate) use engine::Engine;
 pub use engine::{Backend, EngineChoice};
+#[cfg(feature = "studio")]
 pub(crate) use exposure::readable;
 pub(crate) use folder::Folder;
 #[cfg(feature = "cli")]
@@ -68,7 +71,6 @@ pub(crate) use memory::MemoryBudget;
 #[cfg(feature = "cli")]
 pub(crate) use memory::mebibytes;
 pub use observer::{Iteration, Observer, Quiet, Step, Stop, Wish};
-use placement::Placement;
 pub use plan::Plan;
 pub use preview::Preview;
 pub use solution::{Solution, Written};
@@ -84,6 +86,8 @@ pub enum Scenes {
     Volume(Arc<VolumeScene>),
     /// A volume that changes from frame to frame.
     Animation(Arc<AnimatedVolume>),
+    /// Views of a sun in a homogeneous medium, which move with it and with the looks from frame to frame.
+    LightAnimation(Arc<AnimatedScene>),
 }
 
 impl From<Scene> for Scenes {
@@ -104,6 +108,12 @@ impl From<AnimatedVolume> for Scenes {
     }
 }
 
+impl From<AnimatedScene> for Scenes {
+    fn from(animated: AnimatedScene) -> Self {
+        Self::LightAnimation(Arc::new(animated))
+    }
+}
+
 impl Scenes {
     /// What the scene is called.
     fn name(&self) -> &str {
@@ -113,7 +123,15 @@ impl Scenes {
             Self::Animation(animated) => {
                 animated.animation.keys.first().map_or("", |key| key.scene.name.as_str())
             }
+            Self::LightAnimation(animated) => {
+                animated.animation.keys.first().map_or("", |key| key.scene.name.as_str())
+            }
         }
+    }
+
+    /// Whether they are of a sun in a homogeneous medium, and not of a volume.
+    pub(crate) fn have_light_maps(&self) -> bool {
+        matches!(self, Self::LightMap(_) | Self::LightAnimation(_))
     }
 
     /// The command that solves such scenes.
@@ -121,7 +139,7 @@ impl Scenes {
         match self {
             Self::LightMap(_) => "light-map",
             Self::Volume(_) => "volume",
-            Self::Animation(_) => "animate",
+            Self::Animation(_) | Self::LightAnimation(_) => "animate",
         }
     }
 }
@@ -246,6 +264,13 @@ impl Job {
                 memory::check_keys(keys)?;
                 (animated.into(), resolved)
             }
+            Subject::LightAnimation => {
+                let (animated, resolved) = file.open::<AnimatedDocument>(overrides)?;
+                let keys = &animated.animation.keys;
+                tracing::info!(keys = keys.len(), frames = animated.animation.frames, "animation");
+                memory::check_light_keys(keys)?;
+                (animated.into(), resolved)
+            }
         })
     }
 
@@ -277,16 +302,29 @@ impl Job {
 
     /// The scene of a light map.
     ///
-    /// Errors: [`Error::Empty`] where it is of a volume, or a transfer function is looked for.
+    /// Errors: [`Error::Empty`] where it is of a volume, or moves, or a transfer function is looked for.
     pub(crate) fn into_light_map(self) -> Result<Scene> {
         let (reason, remedy) = match self.scenes {
             Scenes::LightMap(scene) if scene.find == Sought::LightMap => {
                 return Ok(Arc::unwrap_or_clone(scene));
             }
             Scenes::LightMap(_) => ("a transfer function is looked for", "set find=light-map"),
-            _ => ("there is no scene of a light map", "give a scene without a volume"),
+            _ => (
+                "there is no scene of a light map",
+                "give a scene without a volume, and without an animation",
+            ),
         };
         Err(Error::Empty { reason: reason.to_owned(), remedy })
+    }
+
+    /// Takes the looks away that pictures are to be drawn without.
+    fn leave_out(&self, scene: &mut Scene) {
+        let looks = scene.looks.without(&self.options.without);
+        if !self.options.without.is_empty() && looks == scene.looks {
+            let text = "the scene has none of the looks that pictures should be without";
+            Warning::new("no-such-look", text, "see `looks` of its file").tell();
+        }
+        scene.looks = looks;
     }
 
     fn steps<'a>(&'a self, observer: &'a mut dyn Observer) -> Steps<'a> {
@@ -338,17 +376,16 @@ impl Job {
         let mut engine = Engine::open(&self.options.engine, &self.options.stop)?;
         let mut steps = self.steps(observer);
         let mut names = Vec::new();
-        let is_whole = match &self.scenes {
-            Scenes::LightMap(scene) => {
-                let looks = scene.looks.without(&self.options.without);
-                if !self.options.without.is_empty() && looks == scene.looks {
-                    let text = "the scene has none of the looks that pictures should be without";
-                    Warning::new("no-such-look", text, "see `looks` of its file").tell();
-                }
-                let scene = &Scene { looks, ..Scene::clone(scene) };
-                draw(scene, (light_map, self.options.light), (&mut engine, &folder), &mut steps, &mut names)?
+        let is_whole = match self.scenes.have_light_maps() {
+            true => {
+                steps.begin("tracing", None);
+                let geometry = self.scenes.geometry()?;
+                let mut scenes = self.scenes.light_scenes(&geometry)?;
+                scenes.iter_mut().for_each(|(_, scene)| self.leave_out(scene));
+                let shown = (light_map, self.options.light);
+                light_views::draw(&scenes, &geometry, shown, (&mut engine, &folder), &mut steps, &mut names)?
             }
-            _ => {
+            false => {
                 let (geometry, turns) = (self.scenes.geometry()?, self.options.turntable);
                 let mut is_whole = true;
                 for (prefix, scene) in &self.scenes.volumes() {
@@ -379,40 +416,4 @@ impl Job {
     pub fn matrix(&self, observer: &mut impl Observer) -> Result<Exported> {
         matrix::of(self, &mut self.steps(observer))
     }
-}
-
-/// The views of a light-map scene; false when somebody stopped it.
-fn draw(
-    scene: &Scene,
-    (light_map, light): (Option<&Path>, DrawnLight),
-    (engine, folder): (&mut Engine, &Folder),
-    steps: &mut Steps<'_>,
-    names: &mut Vec<String>,
-) -> Result<bool> {
-    let (mut map, picture) = (scene.light_map.clone(), light_map.map(io::image::read_radiance).transpose()?);
-    if let (Some(path), Some(picture)) = (light_map, &picture) {
-        (map.size, map.square_texels) = (picture.size(), false);
-        map.extent = Placement::beside(path, map.size, &scene.light.frame())?.or(map.extent);
-    }
-    steps.begin("tracing", None);
-    let maps = fit(scene, &map, &Arc::new(Geometry::new(scene.mesh.clone())?))?;
-    warnings::tell_of_fog(scene, &maps.geometry);
-    warnings::tell_of_panes(&maps);
-    steps.begin("rendering", Some(scene.views.len() as u64));
-    let texels = picture.as_ref().map(|picture| &picture.pixels[..]);
-    let renderer = Renderer::new(scene, &maps, texels)?.showing(light);
-    let mut drawn = Vec::new();
-    for view in 0..scene.views.len() {
-        if steps.stops() {
-            return Ok(false);
-        }
-        drawn.push(engine.draw(|canvas| renderer.picture(view, canvas))?);
-        steps.advance(view as u64 + 1, "");
-    }
-    let exposure = scene.exposure.unwrap_or_else(|| readable(drawn.iter().map(|it| &it.before)));
-    for (seen, drawn) in scene.views.iter().zip(drawn) {
-        folder.write_picture(&seen.name, &drawn.after, exposure)?;
-        names.push(format!("{}.png", seen.name));
-    }
-    Ok(true)
 }

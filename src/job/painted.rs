@@ -23,25 +23,24 @@ pub(super) type Make<'a, P> =
 /// Errors: [`Error::Adapter`] for a depth pass without an adapter; [`Error::Interrupted`].
 pub(super) fn trace<P>(
     scene: &Scene,
-    engine: &Engine,
-    rasterize: bool,
+    geometry: &Arc<Geometry>,
+    (engine, rasterize): (&Engine, bool),
     steps: &Steps<'_>,
     make: &Make<'_, P>,
 ) -> Result<P> {
     let painted = painted(scene)?;
     steps.go_on()?;
-    let geometry = Arc::new(Geometry::new(scene.mesh.clone())?);
     if !rasterize {
-        return make(scene, &geometry, painted, &Traced);
+        return make(scene, geometry, painted, &Traced);
     }
     match engine {
         #[cfg(feature = "gpu")]
         Engine::Gpu { gpu, or_cpu } => {
             let rasterized = crate::problem::Rasterized(gpu.clone());
-            match make(scene, &geometry, painted.clone(), &rasterized) {
+            match make(scene, geometry, painted.clone(), &rasterized) {
                 Err(error) if *or_cpu && error.is_of_adapter() => {
                     Warning::new("adapter", format!("{error}; tracing rays instead"), "").tell();
-                    make(scene, &geometry, painted, &Traced)
+                    make(scene, geometry, painted, &Traced)
                 }
                 problem => problem,
             }
@@ -83,9 +82,9 @@ pub(super) fn hue_angles(matched: &Match) -> HueAngles {
     HueAngles { median, nine_tenths }
 }
 
-/// The pictures of all views, given what the painted pixels show before and after.
+/// The pictures of all views, given what the painted pixels show before and after. `prefix` is what the names of their files begin with.
 pub(super) fn draw(
-    scene: &Scene,
+    (scene, prefix): (&Scene, &str),
     pixels: &LightMapProblem,
     [before, after]: &[Assessment; 2],
     steps: &mut Steps<'_>,
@@ -103,7 +102,7 @@ pub(super) fn draw(
             wanted: pixels.wanted(row),
             after: after.shown[row],
         });
-        let pictures = ViewImages::new(&scene.views[view].name, painted, rendering);
+        let pictures = ViewImages::new(&format!("{prefix}{}", scene.views[view].name), painted, rendering);
         steps.advance(view as u64 + 1, "");
         Ok(pictures)
     };

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use super::engine::Engine;
 use super::folder::Folder;
+use super::light_animation::{self, FoundLightAnimation};
 use super::light_map::{self, FoundLightMap};
 use super::observer::{Observer, Quiet};
 use super::peak_memory;
@@ -25,6 +26,7 @@ enum Found {
     Transfer(Arc<Scene>, Box<FoundTransfer>),
     Volume(Arc<VolumeScene>, Box<FoundVolume>),
     Animation(Box<FoundAnimation>),
+    LightAnimation(Box<FoundLightAnimation>),
 }
 
 /// What a job has found: a light map or a volume, what it looks like, and how sure that is.
@@ -75,11 +77,18 @@ impl Solution {
         let mut steps = Steps::new(observer, &options.stop, job.timings.clone());
         let found = match &job.scenes {
             Scenes::LightMap(scene) if scene.find == Sought::Transfer => {
-                let found = transfer::solve(scene, options, &mut engine, folder.as_ref(), &mut steps)?;
+                steps.begin("tracing", None);
+                let geometry = job.scenes.geometry()?;
+                let found =
+                    transfer::solve(scene, &geometry, options, &mut engine, folder.as_ref(), &mut steps)?;
                 Found::Transfer(scene.clone(), Box::new(found))
             }
             Scenes::LightMap(scene) => {
-                let found = light_map::solve(scene, options, &mut engine, folder.as_ref(), &mut steps)?;
+                let place =
+                    light_map::Place { options, folder: folder.as_ref(), prefix: "", is_later: false };
+                steps.begin("tracing", None);
+                let geometry = job.scenes.geometry()?;
+                let found = light_map::solve(scene, &geometry, &mut engine, place, &mut steps)?;
                 Found::LightMap(scene.clone(), Box::new(found))
             }
             Scenes::Volume(scene) => {
@@ -90,6 +99,11 @@ impl Solution {
                 let found = volume::solve_keys(animated, options, &mut engine, folder.as_ref(), &mut steps)?;
                 Found::Animation(Box::new(found))
             }
+            Scenes::LightAnimation(animated) => {
+                let found =
+                    light_animation::solve_keys(animated, options, &mut engine, folder.as_ref(), &mut steps)?;
+                Found::LightAnimation(Box::new(found))
+            }
         };
         let timings = steps.finish();
         let report = found.report(&timings)?;
@@ -97,7 +111,7 @@ impl Solution {
         Ok(Self { found, resolved, owner, options: options.clone(), folder, report, timings })
     }
 
-    /// The light map of a sun, row 0 its top edge as seen upright from the sun.
+    /// The light map of a sun, row 0 its top edge as seen upright from the sun; of an animation that of its first key.
     ///
     /// Shapes  as `light_map.size` of the scene
     /// Units   radiance over one steradian
@@ -105,6 +119,7 @@ impl Solution {
     pub fn light_map(&self) -> Result<Image> {
         match &self.found {
             Found::LightMap(_, found) => found.light_map(),
+            Found::LightAnimation(found) => found.light_map(),
             _ => Err(Error::Empty {
                 reason: "no light map was looked for".to_owned(),
                 remedy: "solve a scene without a volume, with find=light-map",
@@ -131,7 +146,7 @@ impl Solution {
     /// Errors: [`Error::Empty`] where none was looked for.
     pub fn volume(&self) -> Result<&VolumeState> {
         let state = match &self.found {
-            Found::LightMap(..) | Found::Transfer(..) => None,
+            Found::LightMap(..) | Found::Transfer(..) | Found::LightAnimation(_) => None,
             Found::Volume(_, found) => Some(found.state()),
             Found::Animation(found) => found.first().map(|key| key.state()),
         };
@@ -169,6 +184,7 @@ impl Solution {
             Found::Animation(found) => {
                 found.first().and_then(|key| key.picture(view)).cloned().ok_or_else(unknown)
             }
+            Found::LightAnimation(found) => found.picture(view).cloned().ok_or_else(unknown),
         }
     }
 
@@ -223,6 +239,7 @@ impl Solution {
             Found::Transfer(_, found) => found.computed.is_interrupted(),
             Found::Volume(_, found) => found.is_interrupted(),
             Found::Animation(found) => found.is_interrupted(),
+            Found::LightAnimation(found) => found.is_interrupted(),
         }
     }
 
@@ -253,7 +270,8 @@ impl Solution {
         let (written, told) = warning::collected(|| self.found.write(&self.options, folder, &mut steps));
         let (in_page, drawn) = written?;
         // Of the others everything is written, whoever asks to stop now.
-        let leaves_frames_out = matches!(self.found, Found::Animation(_)) && steps.stops();
+        let leaves_frames_out =
+            matches!(self.found, Found::Animation(_) | Found::LightAnimation(_)) && steps.stops();
         let is_interrupted = self.is_interrupted() || leaves_frames_out;
         let total = self.total() + clock.elapsed().as_secs_f64();
         let timings = steps.finish().into_iter().chain([("total".to_owned(), total)]);
@@ -299,6 +317,7 @@ impl Found {
             Self::Transfer(scene, found) => found.report(scene, timings),
             Self::Volume(scene, found) => found.report(scene, timings),
             Self::Animation(found) => found.report(timings),
+            Self::LightAnimation(found) => found.report(timings),
         }
     }
 
@@ -306,6 +325,7 @@ impl Found {
     fn chosen(&self) -> Vec<Chosen> {
         match self {
             Self::LightMap(scene, found) => found.chosen(scene),
+            Self::LightAnimation(found) => found.chosen(),
             Self::Transfer(..) | Self::Volume(..) | Self::Animation(_) => Vec::new(),
         }
     }
@@ -322,6 +342,7 @@ impl Found {
             Self::Transfer(scene, found) => Ok((found.write(scene, folder)?, 0)),
             Self::Volume(scene, found) => Ok((found.write(scene, options, folder)?, 0)),
             Self::Animation(found) => found.write(options, folder, steps),
+            Self::LightAnimation(found) => found.write(folder, steps),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! From painted strokes to a transfer function.
 
+use std::sync::Arc;
+
 use serde_json::json;
 
 use super::Options;
@@ -18,6 +20,7 @@ use crate::problem::{
 };
 use crate::report::{self, Change, FoundPicture, Report};
 use crate::scene::{Image, Rgb, Scene, SolveSettings, TransferAxis, TransferRole};
+use crate::visibility::Geometry;
 use crate::{Error, Result};
 
 /// The name of what was found, among the results.
@@ -35,16 +38,17 @@ pub(crate) struct FoundTransfer {
     pictures: Vec<ViewImages>,
 }
 
-/// Solves a scene; checkpoints and previews go to the folder, if there is one.
+/// Solves a scene, in the step `tracing` that has begun with `geometry`, the hierarchy over its triangles. Checkpoints and previews go to the
+/// folder, if there is one.
 pub(super) fn solve(
     scene: &Scene,
+    geometry: &Arc<Geometry>,
     options: &Options,
     engine: &mut Engine,
     folder: Option<&Folder>,
     steps: &mut Steps<'_>,
 ) -> Result<FoundTransfer> {
-    steps.begin("tracing", None);
-    let problem = trace(scene, engine, options.rasterize, steps, &TransferProblem::of)?;
+    let problem = trace(scene, geometry, (engine, options.rasterize), steps, &TransferProblem::of)?;
     steps.go_on()?;
     warnings::tell_of_fog(scene, &problem.pixels.maps.geometry);
     if problem.table.role == TransferRole::Factor {
@@ -76,7 +80,7 @@ pub(super) fn solve(
     let pictures = match options.pictures {
         true => {
             steps.begin("rendering", Some(scene.views.len() as u64));
-            draw(scene, &problem.pixels, &assessments, steps, |view| {
+            draw((scene, ""), &problem.pixels, &assessments, steps, |view| {
                 engine.draw(|canvas| rendering(scene, &problem, &computed.solved.x, view, canvas))
             })?
         }

@@ -5,7 +5,8 @@ mod layers;
 
 use std::f64::consts::PI;
 
-use axes::{SeenAxes, properties, seen_far};
+pub(super) use axes::seen_far;
+use axes::{SeenAxes, properties};
 use layers::{laid_over, layer};
 
 use crate::march::ViewRay;
@@ -130,7 +131,7 @@ impl TransferTable {
         (frame, shadow_map): (&LightFrame, &ShadowMap),
     ) -> Result<Self> {
         let Transfer { role, axes, size, far, layers, strength } = transfer;
-        let far = far.unwrap_or_else(|| seen_far(scene, geometry));
+        let far = far.unwrap_or_else(|| seen_far([scene], geometry));
         let seen = SeenAxes { scene, geometry, frame, shadow_map, axes: *axes, far };
         let mut texels = vec![[1.0; 3]; size[0] * size[1]];
         for TransferLayer { shows, blend, opacity } in layers {

@@ -87,6 +87,13 @@ pub struct Report {
     pub animation: Option<AnimationRecord>,
 }
 
+impl Report {
+    /// Whether something was looked for: frames can be drawn without.
+    pub fn is_of_solve(&self) -> bool {
+        !self.solver.is_empty()
+    }
+}
+
 /// Angles between the hues shown and wanted, in degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
@@ -133,9 +140,13 @@ pub struct AnimationRecord {
     pub frames: u64,
     /// How many of them were drawn.
     pub drawn: u64,
-    /// Where frames that are no keys have their extinction from: `blend`, `shapes` or `files`.
+    /// Where frames of a volume that are no keys have their extinction from: `blend`, `shapes` or `files`; empty where there is no volume.
+    #[serde(skip_serializing_if = "String::is_empty")]
     pub between: String,
-    /// The keys that were solved.
+    /// Which light maps the frames have, where there is no volume: `none`, `one` or `each`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub light_map: Option<String>,
+    /// The keys that there are.
     pub keys: Vec<KeyRecord>,
 }
 
@@ -145,8 +156,9 @@ pub struct AnimationRecord {
 pub struct KeyRecord {
     /// Its number.
     pub frame: u64,
-    /// How far its pictures were from what was wanted, and how far they are.
-    pub weighted_residual: Change,
+    /// How far its pictures were from what was wanted, and how far they are; none where nothing was looked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weighted_residual: Option<Change>,
     /// Voxels that diffusion has filled because no row reaches them, of all properties together.
     pub spread_voxels: u64,
     /// Steps of conjugate gradients that diffusion took.
@@ -160,7 +172,7 @@ pub struct StageRecord {
     /// The key frame, where there are several.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<u64>,
-    /// `emission`, `albedo`, `joint`, `extinction` or `environment`.
+    /// `emission`, `albedo`, `joint`, `extinction`, `environment` or `light map`.
     pub find: String,
     /// Counted from 1.
     pub round: u64,
@@ -174,6 +186,18 @@ pub struct StageRecord {
     pub stop: StopRecord,
     /// How near the end is to a solution.
     pub certificate: Certificate,
+}
+
+impl AnimationRecord {
+    /// What lies between the keys, in a few words.
+    pub fn in_words(&self) -> String {
+        match self.light_map.as_deref() {
+            None => format!("extinction between them: {}", self.between),
+            Some("each") => "a light map each, blended between them".to_owned(),
+            Some("one") => "one light map for all".to_owned(),
+            Some(_) => "light as it is".to_owned(),
+        }
+    }
 }
 
 impl StageRecord {

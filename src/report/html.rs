@@ -63,6 +63,11 @@ const POLICY: &str =
 /// Cost    4/3 of the bytes of all pictures; each is in the page once
 pub fn html(report: &Report, pictures: &Pictures) -> Result<String> {
     report.finite()?;
+    if !report.is_of_solve() {
+        let frames = format!("<section>\n<h2>Frames</h2>\n{}</section>\n", turns(report, pictures)?);
+        let parts = [head(report), page::opening(report), frames, page::costs(report), page::closing(report)];
+        return Ok(parts.concat());
+    }
     let parts = [
         head(report),
         page::opening(report),
@@ -127,9 +132,9 @@ fn turns(report: &Report, pictures: &Pictures) -> Result<String> {
     }
     let keys = report.animation.iter().flat_map(|animation| &animation.keys);
     for (index, (frame, png)) in pictures.frames.iter().enumerate() {
-        let note = keys.clone().find(|key| key.frame == *frame).map(|key| {
-            let Change { before, after } = key.weighted_residual;
-            format!("key, {} → {} away", percent(before), percent(after))
+        let note = keys.clone().find(|key| key.frame == *frame).map(|key| match key.weighted_residual {
+            Some(Change { before, after }) => format!("key, {} → {} away", percent(before), percent(after)),
+            None => "key".to_owned(),
         });
         let (title, path) = (format!("Frame {frame}"), format!("frames[{index}]"));
         turns += &figure("turn", &title, &note.unwrap_or_default(), &path, png)?;

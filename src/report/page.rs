@@ -57,12 +57,15 @@ fn summary(report: &Report) -> String {
     let frames = report.animation.as_ref().map(|animation| {
         let keys = counted(animation.keys.len() as u64, "key");
         format!(
-            "{} of {} drawn, from {keys} (extinction between them: {}). ",
+            "{} of {} drawn, from {keys} ({}). ",
             count(animation.drawn),
             counted(animation.frames, "frame"),
-            escaped(&animation.between)
+            escaped(&animation.in_words())
         )
     });
+    if !report.is_of_solve() {
+        return format!("{}Nothing was looked for{time}.", frames.unwrap_or_default());
+    }
     format!(
         "{}{}, {}: {}{hue}{time}. It stopped {}, after {}.",
         frames.unwrap_or_default(),
@@ -78,6 +81,11 @@ fn summary(report: &Report) -> String {
 }
 
 fn tiles(report: &Report) -> String {
+    let time =
+        total(report).map(|time| tile("Time", format!("<b>{}</b>", seconds(time)))).unwrap_or_default();
+    if !report.is_of_solve() {
+        return time;
+    }
     let change = |before: String, after: String| {
         format!("<s>{before}</s><span aria-label=\"to\"> → </span><b>{after}</b>")
     };
@@ -100,10 +108,7 @@ fn tiles(report: &Report) -> String {
     let coverage = &report.coverage;
     let reached = format!("{} reached", label(&coverage.elements));
     tiles.push_str(&tile(&reached, format!("<b>{}</b>", percent(share(coverage.reached, coverage.total)))));
-    if let Some(time) = total(report) {
-        tiles.push_str(&tile("Time", format!("<b>{}</b>", seconds(time))));
-    }
-    tiles
+    tiles + &time
 }
 
 fn tile(name: &str, value: String) -> String {

@@ -1,21 +1,80 @@
-use super::VolumeScene;
+use super::{Scene, View, VolumeScene};
+use crate::Result;
 
-/// A volume that changes from frame to frame, and what its pictures should show at some of them.
-#[derive(Debug)]
-pub struct Animation {
+/// A scene that changes from frame to frame, given at some of them: a volume, or a [`Scene`] of a light map.
+#[derive(Debug, Clone)]
+pub struct Animation<S = VolumeScene> {
     /// Frames, numbered from 0.
     pub frames: usize,
     /// The key frames, in the order of their frames; at least one.
-    pub keys: Vec<KeyFrame>,
+    pub keys: Vec<KeyFrame<S>>,
 }
 
-/// A frame whose pictures are wanted, as a scene of its own.
-#[derive(Debug)]
-pub struct KeyFrame {
+/// A frame as a scene of its own.
+#[derive(Debug, Clone)]
+pub struct KeyFrame<S = VolumeScene> {
     /// Its number.
     pub frame: usize,
-    /// The volume as it is at that frame before the solve, and what is wanted.
-    pub scene: VolumeScene,
+    /// The scene at that frame before the solve, and what is wanted there.
+    pub scene: S,
+}
+
+/// A scene of a light map whose sun, cameras and looks change from frame to frame. All else is the same at all keys.
+#[derive(Debug, Clone)]
+pub struct AnimatedScene {
+    /// The keys.
+    pub animation: Animation<Scene>,
+    /// Which light maps its frames have.
+    pub light_maps: LightMaps,
+}
+
+/// Which light maps the frames of an animation have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LightMaps {
+    /// None: light is as it is.
+    None,
+    /// One for all frames, which the first key asks for.
+    One,
+    /// One for each key, blended between them.
+    Each,
+}
+
+impl LightMaps {
+    /// How many of so many keys ask for one; they are the first.
+    pub fn count(self, keys: usize) -> usize {
+        match self {
+            Self::None => 0,
+            Self::One => keys.min(1),
+            Self::Each => keys,
+        }
+    }
+}
+
+impl AnimatedScene {
+    /// The scene at a frame: between two keys on the way from one to the other, and nothing is painted there. The sun turns along the great
+    /// circle; cameras move along a straight line while they turn about one axis; radiance, fields of view and looks are blended linearly.
+    ///
+    /// Errors: [`crate::Error::Value`] where there is no such way, see [`super::DirectionalLight::between`] and [`super::Camera::between`].
+    pub fn at(&self, frame: usize) -> Result<Scene> {
+        let keys = &self.animation.keys;
+        let frames: Vec<usize> = keys.iter().map(|key| key.frame).collect();
+        let KeySpan { keys: span, share } = KeySpan::of(&frames, frame);
+        let [from, to] = span.map(|key| &keys[key].scene);
+        if span[0] == span[1] {
+            return Ok(from.clone());
+        }
+        let views = from.views.iter().zip(&to.views);
+        let views = views.map(|(from, to)| {
+            let camera = from.camera.between(&to.camera, share)?;
+            Ok(View { name: from.name.clone(), camera, strokes: Vec::new(), layers: Vec::new(), keep: 0.0 })
+        });
+        Ok(Scene {
+            light: from.light.between(&to.light, share)?,
+            views: views.collect::<Result<_>>()?,
+            looks: from.looks.between(&to.looks, share),
+            ..from.clone()
+        })
+    }
 }
 
 /// The two keys that a frame lies between.

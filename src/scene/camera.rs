@@ -1,4 +1,4 @@
-use glam::{DAffine3, DVec2, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 
 use super::lens::{FittedLens, Lens};
 use crate::{Error, Result};
@@ -107,6 +107,46 @@ impl Camera {
         }
     }
 
+    /// The camera a `share` of the way to another: along a straight line, turned about one axis, its field of view (or all numbers of its
+    /// lens) blended.
+    ///
+    /// Errors: [`Error::Value`] for a picture of another size and a lens of another projection; those of [`Self::with_lens`].
+    pub fn between(&self, to: &Self, share: f64) -> Result<Self> {
+        if self == to {
+            return Ok(self.clone());
+        }
+        if self.size != to.size {
+            return Err(Error::value("size", format!("{:?}", to.size), "that of the key before it"));
+        }
+        let [from, onto] = [self, to].map(|camera| camera.world_from_camera);
+        let [a, b] = [from, onto].map(|transform| DQuat::from_mat3(&transform.matrix3));
+        let world_from_camera = DAffine3 {
+            matrix3: DMat3::from_quat(a.slerp(b, share)),
+            translation: from.translation.lerp(onto.translation, share),
+        };
+        if let [Optics::Pinhole(a), Optics::Pinhole(b)] = [self.optics, to.optics] {
+            let [a, b] = [a, b].map(|half_extent| 2.0 * half_extent.y.atan().to_degrees());
+            return Self::new(world_from_camera, a + share * (b - a), FovAxis::Y, self.size);
+        }
+        let lens = self.lens().between(&to.lens(), share);
+        let lens = lens.ok_or_else(|| {
+            let expected = "a lens of the same kind as at the key before it: both fisheyes, or none of them";
+            Error::value("lens", "a lens of another projection", expected)
+        });
+        Self::with_lens(world_from_camera, lens?, self.size)
+    }
+
+    /// Its lens; of a pinhole the one that shows the same.
+    fn lens(&self) -> Lens {
+        match &self.optics {
+            Optics::Lens(fitted) => *fitted.lens(),
+            Optics::Pinhole(half_extent) => {
+                let half = self.size.map(|side| 0.5 * side as f64);
+                Lens::new([half[1] / half_extent.y; 2], half)
+            }
+        }
+    }
+
     /// Width and height of the picture in pixels.
     pub fn size(&self) -> [usize; 2] {
         self.size
@@ -208,7 +248,7 @@ pub fn look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DAffine3> {
             "two different points and an up that is not along the view",
         ));
     };
-    let rotation = glam::DMat3::from_cols(right, right.cross(forward), -forward);
+    let rotation = DMat3::from_cols(right, right.cross(forward), -forward);
     Ok(DAffine3 { matrix3: rotation, translation: origin })
 }
 
@@ -223,7 +263,7 @@ fn without_scale(transform: DAffine3) -> Result<DAffine3> {
     let x = m.x_axis.normalize();
     let y = (m.y_axis - x * x.dot(m.y_axis)).normalize();
     let z = x.cross(y) * determinant.signum();
-    Ok(DAffine3 { matrix3: glam::DMat3::from_cols(x, y, z), translation: transform.translation })
+    Ok(DAffine3 { matrix3: DMat3::from_cols(x, y, z), translation: transform.translation })
 }
 
 #[cfg(test)]
@@ -304,6 +344,36 @@ mod tests {
         }
         let camera = Camera::with_lens(eye, bent(), [640, 360])?;
         assert_eq!(camera.clip_from_world(DVec3::ZERO, 0.1), None);
+        Ok(())
+    }
+
+    #[test]
+    fn a_camera_moves_straight_and_turns_about_one_axis() -> Result<()> {
+        let eye = |origin: DVec3, angle: f64| DAffine3 {
+            matrix3: DMat3::from_rotation_y(angle),
+            translation: origin,
+        };
+        let (a, b) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(5.0, 2.0, -1.0));
+        let from = Camera::new(eye(a, 0.2), 40.0, FovAxis::Y, [64, 48])?;
+        let to = Camera::new(eye(b, 1.4), 60.0, FovAxis::Y, [64, 48])?;
+        let quarter = from.between(&to, 0.25)?;
+        let expected = Camera::new(eye(DVec3::new(2.0, 2.0, 2.0), 0.5), 45.0, FovAxis::Y, [64, 48])?;
+        let apart = |one: &Camera, other: &Camera| {
+            let [one, other] = [one, other].map(|camera| camera.pixel_ray(3, 5));
+            (one.direction - other.direction).length() + one.origin.distance(other.origin)
+        };
+        assert!(apart(&quarter, &expected) < 1e-14, "{}", apart(&quarter, &expected));
+        assert!(apart(&from.between(&to, 0.26)?, &expected) > 1e-3);
+        assert_eq!(from.between(&from, 0.3)?, from, "what does not move stays, to the bit");
+        // A pinhole becomes a lens by its focal length.
+        let bent = Camera::with_lens(eye(a, 0.2), bent(), [64, 48])?;
+        let middle = from.between(&bent, 0.5)?.lens();
+        assert!((middle.focal_length[0] - 0.5 * (24.0 / 20f64.to_radians().tan() + 500.0)).abs() < 1e-9);
+        assert_eq!(middle.radial[0], -0.06);
+        let fisheye = Lens { projection: Projection::Equidistant, ..Lens::new([60.0; 2], [32.0, 24.0]) };
+        assert!(from.between(&Camera::with_lens(eye(a, 0.2), fisheye, [64, 48])?, 0.5).is_err());
+        let large = Camera::new(eye(a, 0.2), 40.0, FovAxis::Y, [128, 96])?;
+        assert!(from.between(&large, 0.5).is_err());
         Ok(())
     }
 

@@ -61,6 +61,20 @@ impl Lens {
         Self { focal_length: by(self.focal_length), principal_point: by(self.principal_point), ..*self }
     }
 
+    /// A lens a `share` of the way to another; none where the two project in different ways.
+    pub(super) fn between(&self, to: &Self, share: f64) -> Option<Self> {
+        fn blended<const N: usize>(from: [f64; N], to: [f64; N], share: f64) -> [f64; N] {
+            std::array::from_fn(|i| from[i] + share * (to[i] - from[i]))
+        }
+        (self.projection == to.projection).then(|| Self {
+            focal_length: blended(self.focal_length, to.focal_length, share),
+            principal_point: blended(self.principal_point, to.principal_point, share),
+            projection: self.projection,
+            radial: blended(self.radial, to.radial, share),
+            tangential: blended(self.tangential, to.tangential, share),
+        })
+    }
+
     /// Where the lens moves a point of the plane to, and the derivative of that.
     fn distort(&self, u: DVec2) -> (DVec2, DMat2) {
         let [k1, k2, k3, k4] = self.radial;

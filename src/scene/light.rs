@@ -1,7 +1,12 @@
+use std::f64::consts::PI;
+
 use glam::{DMat3, DVec3};
 
-use super::Rgb;
+use super::{Rgb, mixed};
 use crate::{Error, Result};
+
+/// Directions nearer than this to being opposite have no one great circle through them, in radians.
+const OPPOSITE: f64 = 1e-6;
 
 /// A sun: parallel light, the same from infinity everywhere.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +28,25 @@ impl DirectionalLight {
             return Err(Error::value("radiance", format!("{radiance:?}"), "finite and not negative"));
         }
         Ok(Self { direction: unit, radiance })
+    }
+
+    /// The light a `share` of the way to another: along the great circle, as far in the same time; its radiance is blended.
+    ///
+    /// Errors: [`Error::Value`] for one from the opposite side, to which many ways lead.
+    pub fn between(&self, to: &Self, share: f64) -> Result<Self> {
+        let radiance = mixed(&self.radiance, &to.radiance, share);
+        let (a, b) = (self.direction, to.direction);
+        let sine = a.cross(b).length();
+        let angle = sine.atan2(a.dot(b));
+        if PI - angle < OPPOSITE {
+            let expected = "less than half a turn from that of the key before it; put a key between the two";
+            return Err(Error::value("direction", b, expected));
+        }
+        let direction = match sine == 0.0 {
+            true => a,
+            false => (((1.0 - share) * angle).sin() * a + (share * angle).sin() * b).normalize(),
+        };
+        Ok(Self { direction, radiance })
     }
 
     /// The frame in which light maps and shadow maps of this light lie.
@@ -75,6 +99,29 @@ mod tests {
             let p = DVec3::new(0.3, -4.0, 2.0);
             assert!((frame.world_from_light(frame.light_from_world(p)) - p).length() < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_light_turns_along_the_great_circle_as_far_in_the_same_time() -> Result<()> {
+        let [east, up] = [DVec3::X, DVec3::new(0.0, 3.0, 0.0)];
+        let [from, to] =
+            [DirectionalLight::new(east, [0.0, 1.0, 2.0])?, DirectionalLight::new(up, [4.0, 1.0, 0.0])?];
+        for share in [0.0, 0.25, 0.5, 0.9, 1.0] {
+            let light = from.between(&to, share)?;
+            let (sine, cosine) = (share * 0.5 * PI).sin_cos();
+            assert!((light.direction - DVec3::new(cosine, sine, 0.0)).length() < 1e-15, "{share}");
+            let expected = [4.0 * share, 1.0, 2.0 - 2.0 * share];
+            assert_eq!(light.radiance, expected.map(|value| value as f32));
+        }
+        let halfway = from.between(&to, 0.5)?.direction;
+        assert!(
+            (halfway - (0.75 * east + 0.25 * DVec3::Y).normalize()).length() > 0.1,
+            "another way is noticed"
+        );
+        assert_eq!(from.between(&from, 0.3)?, from, "what does not move stays, to the bit");
+        let opposite = DirectionalLight::new(-east, [1.0; 3])?;
+        assert!(from.between(&opposite, 0.5).is_err());
+        Ok(())
     }
 
     #[test]

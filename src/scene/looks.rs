@@ -135,7 +135,9 @@ pub struct Holes {
     pub pierced: Vec<bool>,
     /// What makes them, over the plane that light passes perpendicularly.
     pub noise: HoleNoise,
-    /// Noise below it is a hole: h.
+    /// The share of the plane that they take.
+    pub share: f64,
+    /// Noise below it is a hole: h, see [`HoleNoise::threshold`].
     pub threshold: f64,
     /// A second lookup that moves them about; none where they stand still.
     pub sway: Option<Sway>,
@@ -165,6 +167,82 @@ pub struct Sway {
 
 /// Places a side at which thresholds are found.
 const SAMPLED: usize = 256;
+
+impl Looks {
+    /// The looks a `share` of the way to others. Transfer functions are blended: both apply, each with its part.
+    ///
+    /// Edits of the same kinds in the same order, which differ in numbers alone, have the numbers between. Others fade out by their strength,
+    /// while those that take their place fade in.
+    pub fn between(&self, to: &Self, share: f64) -> Self {
+        let pairs = self.occluders.iter().zip(&to.occluders);
+        let is_paired = self.occluders.len() == to.occluders.len();
+        let paired = pairs.map(|(from, to)| from.between(to, share)).collect::<Option<Vec<_>>>();
+        let occluders = paired.filter(|_| is_paired).unwrap_or_else(|| {
+            let [out, into] = [(self, 1.0 - share), (to, share)]
+                .map(|(looks, part)| looks.occluders.iter().map(move |edit| edit.weakened(part)));
+            out.chain(into).collect()
+        });
+        Self { occluders, transfer: blended(&self.transfer, &to.transfer, share) }
+    }
+}
+
+/// Transfer functions with their shares between two such lists; where one has none, light is as it is.
+fn blended(from: &[(f64, Transfer)], to: &[(f64, Transfer)], share: f64) -> Vec<(f64, Transfer)> {
+    if from == to {
+        return from.to_vec();
+    }
+    let none = [(1.0, Transfer::none())];
+    let [from, to] = [from, to].map(|list| if list.is_empty() { &none[..] } else { list });
+    let part = |list: &[(f64, Transfer)], part: f64| {
+        list.iter().map(move |(own, transfer)| (part * own, transfer.clone())).collect::<Vec<_>>()
+    };
+    [part(from, 1.0 - share), part(to, share)].concat()
+}
+
+impl OccluderEdit {
+    /// The edit a `share` of the way to another; none where they differ in more than numbers.
+    fn between(&self, to: &Self, share: f64) -> Option<Self> {
+        use OccluderEditKind::{Extrude, Fill, Pierce};
+        let eye = |from: DVec3, to: DVec3| from.lerp(to, share);
+        let kind = match (&self.kind, &to.kind) {
+            (Fill(from, a), Fill(to, b)) => {
+                let kernel = match (from, to) {
+                    (Kernel::Lines(from), Kernel::Lines(to)) => Kernel::Lines(eye(*from, *to)),
+                    _ if from == to => *from,
+                    _ => return None,
+                };
+                Fill(kernel, a.between(*b, share)?)
+            }
+            (Extrude { eye: from, radius: a }, Extrude { eye: to, radius: b }) => {
+                Extrude { eye: eye(*from, *to), radius: a.between(*b, share)? }
+            }
+            (Pierce(from), Pierce(to)) => Pierce(from.between(to, share)?),
+            _ => return None,
+        };
+        Some(Self { kind, strength: lerp(self.strength, to.strength, share) })
+    }
+
+    /// The same, a part as strong.
+    fn weakened(&self, part: f64) -> Self {
+        Self { kind: self.kind.clone(), strength: part * self.strength }
+    }
+}
+
+impl Radius {
+    /// The radius a `share` of the way to another; none where they are of different units.
+    fn between(self, to: Self, share: f64) -> Option<Self> {
+        match (self, to) {
+            (Self::Texels(from), Self::Texels(to)) => Some(Self::Texels(lerp(from, to, share))),
+            (Self::Metres(from), Self::Metres(to)) => Some(Self::Metres(lerp(from, to, share))),
+            _ => None,
+        }
+    }
+}
+
+/// The number a `share` of the way to another; the same where they are.
+fn lerp(from: f64, to: f64, share: f64) -> f64 {
+    from + share * (to - from)
+}
 
 impl HoleNoise {
     /// N at a place in metres: Σᵢ pⁱ P(2ⁱ q) / max(1, o − i − 1), q in cells.
@@ -200,6 +278,37 @@ impl HoleNoise {
 }
 
 impl Holes {
+    /// Holes by a noise on a `share` of the plane.
+    pub fn new(pierced: Vec<bool>, noise: HoleNoise, share: f64, sway: Option<Sway>) -> Self {
+        Self { pierced, noise, share, threshold: noise.threshold(share), sway }
+    }
+
+    /// The holes a `share` of the way to others; none where other triangles have them, or noise that is not of the same octaves and seed.
+    fn between(&self, to: &Self, share: f64) -> Option<Self> {
+        let (a, b) = (&self.noise, &to.noise);
+        if self.pierced != to.pierced || (a.octaves, a.seed) != (b.octaves, b.seed) {
+            return None;
+        }
+        let (size, persistence) = (lerp(a.size, b.size, share), lerp(a.persistence, b.persistence, share));
+        let noise = HoleNoise { size, persistence, ..*a };
+        // Holes that stand still sway by nothing, at any time.
+        let still = |sway: Sway| Sway { amount: 0.0, ..sway };
+        let sways = match (self.sway, to.sway) {
+            (None, None) => None,
+            (Some(from), None) => Some((from, still(from))),
+            (None, Some(to)) => Some((still(to), to)),
+            (Some(from), Some(to)) => Some((from, to)),
+        };
+        let sway = sways.map(|(from, to)| Sway {
+            turn: lerp(from.turn, to.turn, share),
+            amount: lerp(from.amount, to.amount, share),
+        });
+        if (noise, self.share) == (self.noise, to.share) {
+            return Some(Self { sway, ..self.clone() });
+        }
+        Some(Self::new(self.pierced.clone(), noise, lerp(self.share, to.share, share), sway))
+    }
+
     /// Whether there is a hole at a place of the light's plane, in metres (eq. 4).
     pub fn is_hole(&self, place: DVec2) -> bool {
         let q = place / self.noise.size;
@@ -255,7 +364,7 @@ mod tests {
     fn holes_cover_the_share_that_is_asked_for() {
         for (octaves, share) in [(1, 0.2), (3, 0.5), (5, 0.8)] {
             let noise = noise(octaves);
-            let holes = |sway| Holes { pierced: Vec::new(), noise, threshold: noise.threshold(share), sway };
+            let holes = |sway| Holes::new(Vec::new(), noise, share, sway);
             let moved = Sway { turn: 0.7, amount: 0.8 };
             for (holes, bound) in [(holes(None), 0.01), (holes(Some(moved)), 0.1)] {
                 let side = 500;
@@ -267,5 +376,55 @@ mod tests {
         }
         assert_eq!(noise(3).threshold(0.0), f64::NEG_INFINITY);
         assert_eq!(noise(3).threshold(1.0), f64::INFINITY);
+    }
+
+    fn edit(kind: OccluderEditKind, strength: f64) -> OccluderEdit {
+        OccluderEdit { kind, strength }
+    }
+
+    #[test]
+    fn edits_that_differ_in_numbers_alone_have_those_between() {
+        let pierce = |share, sway| {
+            let noise = HoleNoise { size: 1.0 + share, ..noise(3) };
+            edit(OccluderEditKind::Pierce(Holes::new(vec![true], noise, share, sway)), 1.0)
+        };
+        let fill =
+            |radius, strength| edit(OccluderEditKind::Fill(Kernel::Disc, Radius::Texels(radius)), strength);
+        let looks = |occluders| Looks { occluders, transfer: Vec::new() };
+        let from = looks(vec![fill(2.0, 1.0), pierce(0.25, None)]);
+        let to = looks(vec![fill(6.0, 0.5), pierce(0.75, Some(Sway { turn: 3.0, amount: 0.5 }))]);
+        let middle = from.between(&to, 0.25);
+        let sway = Some(Sway { turn: 3.0, amount: 0.125 });
+        assert_eq!(middle, looks(vec![fill(3.0, 0.875), pierce(0.375, sway)]));
+        assert_eq!(from.between(&from, 0.3), from, "what does not change stays, to the bit");
+
+        // Others fade: those of the first key out, those of the second in.
+        let square = edit(OccluderEditKind::Fill(Kernel::Square, Radius::Texels(2.0)), 0.5);
+        for (other, faded) in [
+            (vec![square.clone()], vec![edit(square.kind.clone(), 0.125)]),
+            (
+                vec![edit(OccluderEditKind::Fill(Kernel::Disc, Radius::Metres(2.0)), 1.0)],
+                vec![edit(OccluderEditKind::Fill(Kernel::Disc, Radius::Metres(2.0)), 0.25)],
+            ),
+            (Vec::new(), Vec::new()),
+        ] {
+            let from = looks(vec![fill(2.0, 1.0)]);
+            let expected = [vec![fill(2.0, 0.75)], faded].concat();
+            assert_eq!(from.between(&looks(other), 0.25).occluders, expected);
+        }
+    }
+
+    #[test]
+    fn transfer_functions_have_parts_that_add_up_to_one() {
+        let strong = |strength| Transfer { strength, ..Transfer::none() };
+        let looks = |transfer| Looks { occluders: Vec::new(), transfer };
+        let (from, to) =
+            (looks(vec![(1.0, strong(0.5))]), looks(vec![(0.25, strong(0.1)), (0.75, strong(0.2))]));
+        let middle = from.between(&to, 0.5).transfer;
+        assert_eq!(middle, [(0.5, strong(0.5)), (0.125, strong(0.1)), (0.375, strong(0.2))]);
+        // Without one light is as it is.
+        let plain = looks(Vec::new());
+        assert_eq!(plain.between(&from, 0.75).transfer, [(0.25, Transfer::none()), (0.75, strong(0.5))]);
+        assert_eq!((plain.between(&plain, 0.5), from.between(&from, 0.5)), (plain, from));
     }
 }

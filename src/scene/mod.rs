@@ -31,7 +31,7 @@ mod wrap;
 
 use std::sync::Arc;
 
-pub use animation::{Animation, KeyFrame, KeySpan};
+pub use animation::{AnimatedScene, Animation, KeyFrame, KeySpan, LightMaps};
 pub use camera::{Camera, FovAxis, Ray, look_at};
 pub use environment::Environment;
 pub use glass::{Glass, Tint};

@@ -33,6 +33,20 @@ impl Default for Transfer {
     }
 }
 
+impl Transfer {
+    /// The one that leaves light as it is. It is over properties that no shadow map is asked for.
+    pub fn none() -> Self {
+        Self {
+            role: TransferRole::Factor,
+            axes: [TransferAxis::Depth, TransferAxis::Angle],
+            size: [1, 1],
+            far: Some(1.0),
+            layers: Vec::new(),
+            strength: 0.0,
+        }
+    }
+}
+
 /// What the colours of a transfer function are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TransferRole {

@@ -32,7 +32,9 @@ impl Full {
                 (scene.views.iter().map(|view| view.name.clone()).collect(), Some(scene.light.radiance))
             }
             Scenes::Volume(scene) => (scene.views.iter().map(|view| view.view.name.clone()).collect(), None),
-            Scenes::Animation(_) => return Err(Error::Machine("the scene moves now".to_owned())),
+            Scenes::Animation(_) | Scenes::LightAnimation(_) => {
+                return Err(Error::Machine("the scene moves now".to_owned()));
+            }
         };
         let (engine, asked) = (setting.engine.clone(), stop.clone());
         let found =

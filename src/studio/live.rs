@@ -52,6 +52,10 @@ impl Subject {
             }),
             Scenes::LightMap(scene) => Ok(Self::LightMap(scene.clone())),
             Scenes::Volume(scene) => Ok(Self::Volume(scene.clone())),
+            Scenes::LightAnimation(_) => Err(Error::Empty {
+                reason: "the studio paints on a scene that stays as it is, and this one moves".to_owned(),
+                remedy: "leave `animation` away while you paint",
+            }),
             Scenes::Animation(_) => Err(Error::Empty {
                 reason: "the studio paints on a volume that stays as it is, and this one moves".to_owned(),
                 remedy: "leave `animation` away while you paint",

@@ -167,6 +167,12 @@ fn what_no_function_can_be_found_for_says_so() {
     };
     let around = refused("{}", &[FIND, r#"surroundings={"sun": true}"#]);
     assert!(around.contains("take `surroundings` away"), "{around}");
+    let moving = [FIND, r#"animation={"frames": 4, "keys": [{"frame": 0}, {"frame": 3}]}"#];
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.json");
+    loaded_with(folder.path(), "{}", &[]).unwrap();
+    let moving = Job::open_with(&path, &moving.map(str::to_owned)).unwrap_err().to_string();
+    assert!(moving.contains("find: transfer functions are looked for in scenes that stay"), "{moving}");
     let weak = transfer(&WHITE.replacen('{', r#"{"strength": 0, "#, 1));
     assert!(refused(&weak, &[FIND]).contains("raise looks.transfer.strength"));
     let unknown = refused("{}", &["find=gobo"]);

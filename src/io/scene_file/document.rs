@@ -6,7 +6,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{self, Scene};
+use crate::scene::{self, DirectionalLight, Scene};
 
 use super::assets::Assets;
 use super::channels::Channels;
@@ -14,6 +14,7 @@ use super::defaults::Defaults;
 use super::exposure::Exposure;
 use super::flaw::{At, Built, Flaw};
 use super::light::Light;
+use super::light_animation::LightAnimation;
 use super::looks::Looks;
 use super::map::{LightMap, ShadowMap};
 use super::medium::Medium;
@@ -107,6 +108,9 @@ pub struct Document {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(!skip_serializing_if)]
     pub solve: Solve,
+    /// Frames in which the sun, the cameras and the looks move; `unscatter animate` draws them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub animation: Option<LightAnimation>,
 }
 
 /// What is looked for behind paint.
@@ -172,15 +176,20 @@ impl Document {
             opacity: Opacity::default(),
             exposure: Exposure::default(),
             solve: Solve::default(),
+            animation: None,
         }
     }
 
-    /// The scene; `file` is where the document comes from and what file names in it are relative to.
-    pub(super) fn build(&self, file: &Path) -> Built<Scene> {
+    /// What it reads, relative to the file that it comes from.
+    pub(super) fn assets(&self, file: &Path) -> Built<Assets> {
+        Assets::beside(file).within(self.solve.memory).grouped(&self.groups)
+    }
+
+    /// The scene without its animation; `file` is where the document comes from.
+    pub(super) fn scene(&self, file: &Path, assets: &mut Assets) -> Built<Scene> {
         if self.version != Self::VERSION {
             return Err(unknown_version(self.version));
         }
-        let mut assets = Assets::beside(file).within(self.solve.memory).grouped(&self.groups)?;
         // What is small is looked at before what may take long to read.
         let medium = self.medium.build(self.unit.metres()).at("medium")?;
         let ambient = self.ambient.rgb("ambient", f32::MAX)?;
@@ -189,15 +198,13 @@ impl Document {
         let exposure = self.exposure.build()?;
         let mut solve =
             self.solve().build_light_map(self.light_map.texels(), self.light_map.basis.into()).at("solve")?;
-        let light = self.light.build(&mut assets).at("light")?;
-        if self.find == Sought::LightMap && self.is_gobo() && self.solve.upper.is_none() {
-            solve.bounds[1] = light.radiance.map(f64::from);
-        }
+        let light = self.light.build(assets).at("light")?;
+        solve.bounds = self.bounds(solve.bounds, &light);
         let surroundings = self.surroundings.as_ref();
-        let surroundings = surroundings.map(|it| it.build(&assets).at("surroundings")).transpose()?;
-        let views = self.build_views(&mut assets)?;
-        let mesh = mesh_of(&self.occluders, &mut assets)?;
-        let looks = self.looks.build(&views, &mesh, &assets).at("looks")?;
+        let surroundings = surroundings.map(|it| it.build(assets).at("surroundings")).transpose()?;
+        let views = self.build_views(assets)?;
+        let mesh = mesh_of(&self.occluders, assets)?;
+        let looks = self.looks.build(&views, &mesh, assets).at("looks")?;
         Ok(Scene {
             name: self.name.clone().unwrap_or_else(|| stem(file)),
             light,
@@ -227,6 +234,14 @@ impl Document {
         solve
     }
 
+    /// Bounds of texels under a light, whose radiance is the upper one of a map that only dims.
+    pub(super) fn bounds(&self, given: [[f64; 3]; 2], light: &DirectionalLight) -> [[f64; 3]; 2] {
+        match self.find == Sought::LightMap && self.is_gobo() && self.solve.upper.is_none() {
+            true => [given[0], light.radiance.map(f64::from)],
+            false => given,
+        }
+    }
+
     /// Whether the light map only dims.
     fn is_gobo(&self) -> bool {
         self.light_map.gobo.unwrap_or(self.target != Target::Radiance)
@@ -242,6 +257,7 @@ impl Document {
         self.light.settle();
         self.surroundings.iter_mut().for_each(Surroundings::settle);
         self.views.iter_mut().for_each(|view| view.camera.settle());
+        self.animation.iter_mut().for_each(|animation| animation.settle(&self.views));
     }
 
     fn build_views(&self, assets: &mut Assets) -> Built<Vec<scene::View>> {

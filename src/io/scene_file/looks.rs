@@ -253,9 +253,8 @@ impl Pierce {
             let amount = within("amount", *amount, [-100.0, 100.0]).at("sway")?;
             Built::Ok(Sway { turn: turn.to_radians(), amount })
         });
-        let threshold = noise.threshold(within("share", self.share, [0.0, 1.0])?);
-        let pierced = self.pierced(mesh)?;
-        Ok(OccluderEditKind::Pierce(Holes { pierced, noise, threshold, sway: sway.transpose()? }))
+        let share = within("share", self.share, [0.0, 1.0])?;
+        Ok(OccluderEditKind::Pierce(Holes::new(self.pierced(mesh)?, noise, share, sway.transpose()?)))
     }
 
     /// Which triangles are pierced.

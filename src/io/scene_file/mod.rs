@@ -4,6 +4,7 @@
 //! [`Document`], and the document becomes a [`Scene`]. Whatever goes wrong on the way is told with file, line,
 //! column and path (`scene_text`). A [`Resolved`] document has every setting, defaults included.
 
+mod animated_scene;
 mod assets;
 mod channels;
 mod defaults;
@@ -13,7 +14,9 @@ mod exposure;
 mod file_name;
 mod flaw;
 mod gltf_node;
+mod key_frames;
 mod light;
+mod light_animation;
 mod locate;
 mod looks;
 mod map;
@@ -45,7 +48,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use crate::Result;
-use crate::scene::{Scene, VolumeScene};
+use crate::scene::{AnimatedScene, Scene, VolumeScene};
 
 pub use channels::{Channels, Paint, Scale};
 pub use defaults::Defaults;
@@ -54,6 +57,7 @@ pub use exposure::Exposure;
 pub use file_name::FileName;
 pub use gltf_node::GltfNode;
 pub use light::Light;
+pub use light_animation::{LightAnimation, LightKey, LightKeyView, LightMaps};
 pub use looks::{Extrude, Fill, HoleSway, Kernel, Looks, OccluderEdit, Pierce};
 pub use map::{Basis, Extent, Fit, LightMap, MapSize, ShadowMap};
 pub use medium::Medium;
@@ -84,7 +88,7 @@ use locate::Aim;
 use overrides::Override;
 use scene_text::SceneText;
 
-/// Reads a scene file and everything that it names.
+/// Reads a scene file and everything that it names; of an animation the first key frame.
 ///
 /// Each of `overrides` is `path=value`, such as `views[0].camera.fov=50`, and takes the place of what the file
 /// says; the value is JSON, or else a string.
@@ -110,6 +114,13 @@ pub fn load_animation(path: &Path, overrides: &[String]) -> Result<AnimatedVolum
     Ok(SceneFile::read(path)?.open::<Animated>(overrides)?.0)
 }
 
+/// Reads a scene file of a light map with an animation, and everything that it names.
+///
+/// Errors: as [`load`].
+pub fn load_animated_scene(path: &Path, overrides: &[String]) -> Result<AnimatedScene> {
+    Ok(SceneFile::read(path)?.open::<AnimatedDocument>(overrides)?.0)
+}
+
 /// The scene of a text, as [`load`] reads it from a file; `name` stands for the file in messages and titles.
 ///
 /// Errors: [`Error::Scene`] and [`Error::Value`], as [`load`].
@@ -133,6 +144,8 @@ pub enum Subject {
     Volume,
     /// A volume that changes from frame to frame: a [`VolumeDocument`] with an [`Animation`].
     Animation,
+    /// Light that changes from frame to frame: a [`Document`] with a [`LightAnimation`].
+    LightAnimation,
 }
 
 /// A kind of scene file.
@@ -152,7 +165,10 @@ impl Describes for Document {
     const SUBJECT: Subject = Subject::LightMap;
 
     fn scene(&self, file: &Path) -> Built<Scene> {
-        self.build(file)
+        match self.animation {
+            Some(_) => Ok(self.animate(file)?.animation.keys.swap_remove(0).scene),
+            None => self.scene(file, &mut self.assets(file)?),
+        }
     }
 
     fn settle(&mut self, file: &Path) {
@@ -191,10 +207,28 @@ impl Describes for Animated {
     }
 }
 
+/// A document of a light map that is read for its animation.
+#[derive(serde::Deserialize, serde::Serialize)]
+#[serde(transparent)]
+pub(crate) struct AnimatedDocument(Document);
+
+impl Describes for AnimatedDocument {
+    type Scene = AnimatedScene;
+    const SUBJECT: Subject = Subject::LightAnimation;
+
+    fn scene(&self, file: &Path) -> Built<AnimatedScene> {
+        self.0.animate(file)
+    }
+
+    fn settle(&mut self, file: &Path) {
+        self.0.settle(file);
+    }
+}
+
 /// The JSON schema of scene files (draft 2020-12): of light maps, or of volumes.
 pub fn schema(subject: Subject) -> Value {
     let (mut schema, title) = match subject {
-        Subject::LightMap => (schemars::schema_for!(Document), "unscatter scene"),
+        Subject::LightMap | Subject::LightAnimation => (schemars::schema_for!(Document), "unscatter scene"),
         Subject::Volume | Subject::Animation => {
             (schemars::schema_for!(VolumeDocument), "unscatter volume scene")
         }
@@ -224,7 +258,7 @@ fn document<D: Describes>(source: &mut SceneText<'_>, overrides: &[String]) -> R
     }
     // Before all else: a file of another version has other fields, and each would be called unknown.
     source.placed(check_version(&value))?;
-    if D::SUBJECT == Subject::LightMap {
+    if matches!(D::SUBJECT, Subject::LightMap | Subject::LightAnimation) {
         defaults::put_into(&mut value);
     }
     source.read(&value)

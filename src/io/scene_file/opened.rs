@@ -51,7 +51,8 @@ impl SceneFile {
         match (has("volume"), has("animation")) {
             (true, true) => Subject::Animation,
             (true, false) => Subject::Volume,
-            (false, _) => Subject::LightMap,
+            (false, true) => Subject::LightAnimation,
+            (false, false) => Subject::LightMap,
         }
     }
 

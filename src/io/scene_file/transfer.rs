@@ -184,6 +184,12 @@ pub enum Blend {
 }
 
 impl Transfer {
+    /// One of these layers, with everything else at its default.
+    pub fn new(layers: Vec<TransferLayer>) -> Self {
+        let role = TransferRole::default();
+        Self { role, axes: axes(), far: None, size: size(), layers, strength: one() }
+    }
+
     /// A picture as a function, texel by texel.
     pub(super) fn picture(file: &FileName, assets: &Assets) -> Built<Self> {
         let size = assets.size_of(file)?;
@@ -193,14 +199,7 @@ impl Transfer {
             return Err(Flaw::new("", problem));
         }
         let image = TransferImage { file: file.clone(), blend: Blend::Alpha, opacity: 1.0 };
-        Ok(Self {
-            role: TransferRole::Factor,
-            axes: axes(),
-            far: None,
-            size,
-            layers: vec![TransferLayer::Image(image)],
-            strength: 1.0,
-        })
+        Ok(Self { size, ..Self::new(vec![TransferLayer::Image(image)]) })
     }
 
     pub(super) fn build(

@@ -1,10 +1,10 @@
 //! From key frames to all frames.
 
-use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use super::super::engine::Engine;
 use super::super::environment::write_environment;
+use super::super::film::{self, Film, of_frame};
 use super::super::folder::Folder;
 use super::super::steps::{Steps, Timings};
 use super::super::{Options, Scenes, memory, peak_memory};
@@ -12,20 +12,12 @@ use super::pictures::{nothing_asked, view_pictures};
 use super::results;
 use super::stage::Place;
 use super::staging::{self, Attained, StagesOutcome, distance, matched, relative};
+use crate::Result;
 use crate::io::scene_file::AnimatedVolume;
 use crate::io::volume::Format;
 use crate::problem::{Occupied, Optics, Spread, VolumeProblem, VolumeState};
 use crate::report::{self, AnimationRecord, Change, KeyRecord, Report};
 use crate::scene::{Find, Image, KeySpan, VolumeScene};
-use crate::{Error, Result};
-
-/// Pictures in the strip of the report at most.
-const STRIP: usize = 12;
-
-/// What the files of a frame begin with.
-pub(crate) fn of_frame(kind: &str, frame: usize) -> String {
-    format!("{kind}_{frame:04}_")
-}
 
 /// The key frames of an animation that were solved, from which the others are drawn.
 pub(crate) struct FoundAnimation {
@@ -45,7 +37,7 @@ pub(in crate::job) fn solve_keys(
     folder: Option<&Folder>,
     steps: &mut Steps<'_>,
 ) -> Result<FoundAnimation> {
-    let frames = asked(options.frames.clone(), animated.animation.frames)?;
+    let frames = film::asked(options.frames.clone(), animated.animation.frames)?;
     let mut keys = solve(animated, engine, options, folder, steps)?;
     spread(&mut keys, animated, steps)?;
     keys.iter_mut().try_for_each(|key| key.draw(engine, steps))?;
@@ -76,24 +68,14 @@ impl FoundAnimation {
             folder.publish()?;
         }
         let engine = self.engine.clone();
-        let mut film = Film { animated: &self.animated, keys: &self.keys, folder, options, engine };
-        let drawn = film.draw(&self.frames, &mut in_page.frames, steps)?;
+        let mut film = VolumeFilm { animated: &self.animated, keys: &self.keys, options, engine };
+        let drawn = film::write_frames(&mut film, &self.frames, folder, &mut in_page.frames, steps)?;
         Ok((in_page, drawn))
     }
 
     pub(in crate::job) fn report(&self, timings: &Timings) -> Result<Report> {
         report(&self.animated, &self.keys, timings)
     }
-}
-
-/// The frames that are to be drawn.
-fn asked(frames: Option<RangeInclusive<usize>>, count: usize) -> Result<Vec<usize>> {
-    let frames = frames.unwrap_or(0..=count.saturating_sub(1));
-    if *frames.end() >= count {
-        let given = format!("{}..{}", frames.start(), frames.end());
-        return Err(Error::value("frames", given, "within the frames of the animation, which begin with 0"));
-    }
-    Ok(frames.collect())
 }
 
 /// A key frame that was solved.
@@ -221,42 +203,41 @@ fn draw(
 }
 
 /// What frames are drawn from.
-struct Film<'a> {
+struct VolumeFilm<'a> {
     animated: &'a AnimatedVolume,
     keys: &'a [SolvedKey],
-    folder: &'a Folder,
     options: &'a Options,
     engine: Engine,
 }
 
-impl Film<'_> {
-    /// Draws and writes frames, after Ctrl-C only keys, and puts some of them into the strip. Gives back how many were drawn.
-    fn draw(
-        &mut self,
-        frames: &[usize],
-        strip: &mut Vec<(u64, Vec<u8>)>,
-        steps: &mut Steps<'_>,
-    ) -> Result<usize> {
-        let every = frames.len().div_ceil(STRIP).max(1);
-        let mut drawn = 0;
-        for (index, &frame) in frames.iter().enumerate() {
-            steps.within(format!("frame {frame} of {}", self.animated.animation.frames));
-            let Some((state, pictures)) = self.frame(frame, steps)? else { continue };
-            self.write(frame, &state, &pictures)?;
-            drawn += 1;
-            if index % every == 0
-                && let Some(picture) = pictures.first()
-            {
-                let small = results::small_png(picture, self.keys[0].scene().exposure)?;
-                strip.push((frame as u64, small));
-            }
-        }
-        steps.within(String::new());
-        Ok(drawn)
+impl Film for VolumeFilm<'_> {
+    fn count(&self) -> usize {
+        self.animated.animation.frames
     }
 
+    fn views(&self) -> Vec<String> {
+        let views = self.keys.first().map_or(&[][..], |key| &key.scene().views);
+        views.iter().map(|view| view.view.name.clone()).collect()
+    }
+
+    fn exposure(&self) -> f64 {
+        self.keys.first().map_or(0.0, |key| key.scene().exposure)
+    }
+
+    fn frame(&mut self, frame: usize, folder: &Folder, steps: &mut Steps<'_>) -> Result<Option<Vec<Image>>> {
+        let Some((state, pictures)) = self.drawn(frame, steps)? else { return Ok(None) };
+        if let (true, Some(key)) = (self.options.frame_volumes, self.keys.first()) {
+            let finds = [&key.scene().stages[..], &[Find::Extinction]].concat();
+            let prefix = of_frame("frame", frame);
+            results::write_volumes(folder, &prefix, &finds, &state.medium, &self.options.formats)?;
+        }
+        Ok(Some(pictures))
+    }
+}
+
+impl VolumeFilm<'_> {
     /// The state at a frame, and its pictures; none of a frame between keys after somebody stopped the job.
-    fn frame(&mut self, frame: usize, steps: &mut Steps<'_>) -> Result<Option<(VolumeState, Vec<Image>)>> {
+    fn drawn(&mut self, frame: usize, steps: &mut Steps<'_>) -> Result<Option<(VolumeState, Vec<Image>)>> {
         if let Some(key) = self.keys.iter().find(|key| key.frame == frame) {
             return Ok(Some((key.state().clone(), key.attained.after.clone())));
         }
@@ -274,19 +255,6 @@ impl Film<'_> {
         let optics = Optics::new(from.scene(), from.attained.optics.geometry(), &state)?;
         let pictures = draw(from.scene(), &state, &optics, &mut self.engine, steps)?;
         Ok(Some((state, pictures)))
-    }
-
-    fn write(&self, frame: usize, state: &VolumeState, pictures: &[Image]) -> Result<()> {
-        let (prefix, scene) = (of_frame("frame", frame), self.keys[0].scene());
-        for (view, picture) in scene.views.iter().zip(pictures) {
-            let name = format!("{prefix}{}", view.view.name);
-            self.folder.write_picture(&name, picture, scene.exposure)?;
-        }
-        if self.options.frame_volumes {
-            let finds = [&scene.stages[..], &[Find::Extinction]].concat();
-            results::write_volumes(self.folder, &prefix, &finds, &state.medium, &self.options.formats)?;
-        }
-        self.folder.publish()
     }
 }
 
@@ -311,7 +279,7 @@ fn report(animated: &AnimatedVolume, keys: &[SolvedKey], timings: &Timings) -> R
         adjoint_error = adjoint_error.max(key.report.adjoint_error);
         records.push(KeyRecord {
             frame: key.frame as u64,
-            weighted_residual: Change { before: before.all, after: after.all },
+            weighted_residual: Some(Change { before: before.all, after: after.all }),
             spread_voxels: key.spread.voxels as u64,
             spread_iterations: key.spread.iterations as u64,
         });
@@ -331,6 +299,7 @@ fn report(animated: &AnimatedVolume, keys: &[SolvedKey], timings: &Timings) -> R
             // None yet: frames are drawn when they are written.
             drawn: 0,
             between: animated.between.to_owned(),
+            light_map: None,
             keys: records,
         }),
         ..report

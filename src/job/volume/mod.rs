@@ -23,7 +23,6 @@ use pictures::turntable;
 use stage::Place;
 use staging::{Attained, StagesOutcome};
 
-pub(crate) use animate::of_frame;
 pub(super) use animate::{FoundAnimation, solve_keys};
 
 /// A volume that was found, and all there is to know about it.

@@ -30,9 +30,6 @@ pub(super) fn write_volumes(
     Ok(())
 }
 
-/// The longer side of a small picture at most.
-const LONGEST: usize = 320;
-
 /// Writes the pictures of all views; gives back their PNG files.
 pub(super) fn write_views(
     folder: &Folder,
@@ -71,25 +68,4 @@ pub(super) fn write_turntable(
         .enumerate()
         .map(|(index, picture)| folder.write_png(&format!("{prefix}turntable_{index:03}"), picture, exposure))
         .collect()
-}
-
-/// A picture as PNG. A large one is shrunk: each pixel is the mean of a block.
-pub(super) fn small_png(picture: &Image, exposure: f64) -> Result<Vec<u8>> {
-    let [width, height] = picture.size();
-    let side = width.max(height).div_ceil(LONGEST).max(1);
-    let size = [width.div_ceil(side), height.div_ceil(side)];
-    let mean = |index: usize| {
-        let (left, top) = (index % size[0] * side, index / size[0] * side);
-        let (mut sum, mut count) = ([0.0; 3], 0.0);
-        for y in top..(top + side).min(height) {
-            for x in left..(left + side).min(width) {
-                let pixel = picture.at(x, y);
-                (0..3).for_each(|c| sum[c] += pixel[c]);
-                count += 1.0;
-            }
-        }
-        sum.map(|value: f32| value / count)
-    };
-    let small = Image::new(size, (0..size[0] * size[1]).map(mean).collect())?;
-    crate::io::image::png_bytes(&small, exposure)
 }

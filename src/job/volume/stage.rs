@@ -66,16 +66,10 @@ impl PropertySearch<'_> {
         let keeper = |folder| Keeper::new(folder, &name, &settings, &problem);
         let checkpoint = place.folder.map(keeper).transpose()?;
         let resumed = match &checkpoint {
-            Some(checkpoint) if place.options.resume => match checkpoint.read() {
-                Ok(paused) => Some(paused),
+            Some(checkpoint) if place.options.resume => match checkpoint.resumed(place.is_later) {
                 // The checkpoint of a later stage; this one is quickly done again.
                 Err(Error::Checkpoint { .. }) if self.scene.stages.len() > 1 => None,
-                Err(Error::File { source, .. })
-                    if place.is_later && source.kind() == std::io::ErrorKind::NotFound =>
-                {
-                    None
-                }
-                Err(error) => return Err(error),
+                resumed => resumed?,
             },
             _ => None,
         };

@@ -175,7 +175,7 @@ impl ScalingSweeps<'_> {
     fn plans(&self, scenes: &Scenes) -> Vec<SweepPlan> {
         let plan = |over, held, grows| SweepPlan { over, held, grows };
         match scenes {
-            Scenes::Animation(_) => Vec::new(),
+            Scenes::Animation(_) | Scenes::LightAnimation(_) => Vec::new(),
             Scenes::LightMap(scene) => vec![
                 plan("painted pixels", "both maps", Grows::Rows),
                 plan("views", "both maps", Grows::Views),

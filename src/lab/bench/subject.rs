@@ -28,6 +28,7 @@ impl SceneSource {
         Ok(match self {
             Self::File(file) => match Job::of_file(file, overrides)?.into_scenes() {
                 Scenes::Animation(animated) => animated.animation.keys[0].scene.clone().into(),
+                Scenes::LightAnimation(animated) => animated.animation.keys[0].scene.clone().into(),
                 scenes => scenes,
             },
             Self::Known("hall", text) => scene_file::parse(text, "hall", overrides)?.into(),
@@ -70,7 +71,7 @@ pub(super) fn with(mut scenes: Scenes, basis: CaseBasis) -> Scenes {
                 CaseBasis::Linear => Interpolation::Trilinear,
             };
         }
-        Scenes::Animation(_) => {}
+        Scenes::Animation(_) | Scenes::LightAnimation(_) => {}
     }
     scenes
 }
@@ -84,7 +85,7 @@ pub(super) fn of_views(mut scenes: Scenes, views: &[usize]) -> Scenes {
     match &mut scenes {
         Scenes::LightMap(scene) => keep(&mut Arc::make_mut(scene).views, views),
         Scenes::Volume(scene) => keep(&mut Arc::make_mut(scene).views, views),
-        Scenes::Animation(_) => {}
+        Scenes::Animation(_) | Scenes::LightAnimation(_) => {}
     }
     scenes
 }

@@ -77,14 +77,20 @@ impl SeenAxes<'_> {
     }
 }
 
-/// How far views see, in metres: most of the surfaces that they see are nearer. Where they see none it is how far light comes through the
-/// medium.
-pub(super) fn seen_far(scene: &Scene, geometry: &Geometry) -> f64 {
+/// How far the views of scenes see, in metres: most of the surfaces that they see are nearer. Where they see none it is how far light comes
+/// through the medium.
+pub(in crate::problem) fn seen_far<'s>(
+    scenes: impl IntoIterator<Item = &'s Scene> + Clone,
+    geometry: &Geometry,
+) -> f64 {
+    let views = scenes.clone().into_iter().flat_map(|scene| &scene.views);
     let mut distances: Vec<f64> =
-        scene.views.iter().flat_map(|view| seen_distances(view, geometry, PIXEL_STRIDE).0).collect();
+        views.flat_map(|view| seen_distances(view, geometry, PIXEL_STRIDE).0).collect();
     distances.sort_by(f64::total_cmp);
     let most = distances.get((NEARER * distances.len() as f64) as usize).copied();
-    most.filter(|&far| far > 0.0).unwrap_or_else(|| scene.medium.reach(FADED))
+    let through = |scene: &Scene| scene.medium.reach(FADED);
+    most.filter(|&far| far > 0.0)
+        .unwrap_or_else(|| scenes.into_iter().map(through).fold(f64::MIN_POSITIVE, f64::max))
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ mod faults;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod interrupt;
+mod light_animation;
 mod light_map;
 mod matrix;
 mod nothing_lost;

@@ -191,7 +191,9 @@ fn the_scenes_in_strokes_can_be_planned() {
         if path.extension().is_some_and(|ending| ending == "json") {
             // Small grids: this is about whether the files are understood, not about their size.
             let small = match SceneFile::read(&path).unwrap().subject() {
-                Subject::LightMap => ["--set", "shadow_map.size=64", "--set", "light_map.size=32"],
+                Subject::LightMap | Subject::LightAnimation => {
+                    ["--set", "shadow_map.size=64", "--set", "light_map.size=32"]
+                }
                 Subject::Volume | Subject::Animation => ["--set", "volume.size=16", "--set", "light_size=8"],
             };
             desk.done(&[&["plan", path.to_str().unwrap(), "--json"], &small[..]].concat()).json();

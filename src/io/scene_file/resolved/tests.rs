@@ -4,14 +4,15 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use super::super::{
-    Animated, Describes, Document, Exposure, SceneFile, VolumeDocument, document, scene_text::SceneText,
+    Animated, AnimatedDocument, Describes, Document, Exposure, SceneFile, VolumeDocument, document,
+    scene_text::SceneText,
 };
 use super::*;
 
 /// Settings that may have no value, and why. All others are written, and a new one is until it is put in here.
 const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     // For editors of the file that it came from.
-    ("unscatter scene", &["$schema", "surroundings"]),
+    ("unscatter scene", &["$schema", "surroundings", "animation"]),
     // Nothing, or derived from the rest: voxels of cached light, the environment as the background.
     ("unscatter volume scene", &["$schema", "light_size", "background", "transforms", "animation"]),
     // One of two, and the radiance of a glTF sun comes from its file.
@@ -39,6 +40,8 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     // One way of saying where.
     ("TransferPoint", &["at", "view", "pixel", "triangle", "corners"]),
     ("Looks", &["file", "transfer"]),
+    // As far as the views see.
+    ("Transfer", &["far"]),
     // No limits; what follows from the medium of a painted volume; and the memory of the machine.
     ("Solve", &["seconds", "noise", "upper", "tikhonov", "gradient", "fade", "memory"]),
     ("Surroundings", &["environment"]),
@@ -60,6 +63,9 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     ("Key", &["extinction", "albedo", "emission"]),
     // Where there are numbered files.
     ("Animation", &["first_file"]),
+    // Those of the scene.
+    ("LightKey", &["light", "looks"]),
+    ("LightKeyView", &["camera", "strokes", "layers", "association", "keep"]),
 ];
 
 /// Says as little as it can and has everything that a scene of a light map may have; `@` stands before each file.
@@ -98,6 +104,22 @@ const LIGHT_MAP: &str = r##"{
   "light_map": { "extent": { "min": [-2, -1], "max": [2, 1] } },
   "solve": { "quadrature": { "march": { "steps": 64 } } }
 }"##;
+
+/// What moves in it, put in before its last bracket.
+const LIGHT_ANIMATION: &str = r##",
+  "animation": { "frames": 9, "keys": [
+    { "frame": 0 },
+    { "frame": 8, "light": { "direction": [0, -1, 0] }, "looks": { "occluders": [{ "fill": { "texels": 3 } }] }, "views": [
+      { "name": "front", "camera": { "to_world": {}, "fov": 50, "size": [64, 48] }, "layers": ["@dusk.png"],
+        "strokes": [{ "points": [[8, 8]], "radius": 3, "color": "#ff8000" }] },
+      { "name": "side" }
+    ] }
+  ] }
+}"##;
+
+fn light_animation() -> String {
+    LIGHT_MAP.strip_suffix("\n}").unwrap().to_owned() + LIGHT_ANIMATION
+}
 
 /// The same of a volume that changes from frame to frame.
 const ANIMATION: &str = r##"{
@@ -155,11 +177,11 @@ fn all() -> [Vec<String>; 2] {
     let dark = changed(LIGHT_MAP, ", \"environment\": { \"file\": \"@sky.hdr\" }", "");
     let grey = changed(LIGHT_MAP, "{ \"file\": \"@sky.hdr\" }", "{}");
     let fitted = changed(&grey, "\"extent\": { \"min\": [-2, -1], \"max\": [2, 1] }", "");
-    let made = [dark, fitted, LIGHT_MAP.to_owned(), ANIMATION.to_owned()];
+    let made = [dark, light_animation(), fitted, LIGHT_MAP.to_owned(), ANIMATION.to_owned()];
     texts.extend(made.map(|text| (text, folder.join("scene.json"))));
     let (volumes, light_maps): (Vec<_>, Vec<_>) =
         texts.into_iter().partition(|(text, _)| text.contains("\"volume\""));
-    assert_eq!((volumes.len(), light_maps.len()), (5, 7));
+    assert_eq!((volumes.len(), light_maps.len()), (5, 9));
     let of = |(text, file): (String, PathBuf)| whole::<Document>(&text, &file);
     let of_volume = |(text, file): (String, PathBuf)| whole::<VolumeDocument>(&text, &file);
     [light_maps.into_iter().map(of).collect(), volumes.into_iter().map(of_volume).collect()]
@@ -271,6 +293,13 @@ fn settings_that_depend_on_others_are_written_where_they_mean_something() {
         (&Value::from(0.25), &Value::from(0))
     );
     assert_eq!(smoke["animation"]["keys"][1]["views"][0]["keep"], 1);
+    let moving = light_maps.iter().find(|scene| scene["animation"]["frames"] == 9).unwrap();
+    let key = &moving["animation"]["keys"][1];
+    assert_eq!(
+        (&moving["animation"]["light_map"], &key["light"]["radiance"]),
+        (&Value::from("each"), &Value::from(1))
+    );
+    assert_eq!(key["views"][0]["camera"]["fov_axis"], "y");
     // Without a word of an environment there is the one that the solve begins with.
     let bare = changed(
         ANIMATION,
@@ -310,6 +339,7 @@ fn every_file_of_a_document_is_named_anew() {
     let file = scenes.join("scene.json");
     for (text, written) in [
         (LIGHT_MAP, written::<Document>(LIGHT_MAP, &file, &results)),
+        (&light_animation(), written::<AnimatedDocument>(&light_animation(), &file, &results)),
         (ANIMATION, written::<VolumeDocument>(ANIMATION, &file, &results)),
         (ANIMATION, written::<Animated>(ANIMATION, &file, &results)),
     ] {
@@ -338,7 +368,13 @@ fn a_resolved_file_is_the_same_scene() {
         "surroundings": { "sun": true, "environment": {} },
         "occluders": [{ "box": { "center": [0, 1, 0], "size": [1, 1, 1] } }],
         "views": [{ "name": "v", "camera": { "to_world": {}, "fov": 50, "size": [8, 8] } }]}"#;
-    for text in [moving, hall] {
+    let dawn = r#"{"version": 1, "light": { "direction": [0, -1, 0.1] }, "medium": { "sigma_t": 1 },
+        "occluders": [{ "box": { "center": [0, 1, 0], "size": [1, 1, 1] } }],
+        "views": [{ "name": "v", "camera": { "to_world": {}, "fov": 50, "size": [8, 8] },
+            "strokes": [{ "points": [[4, 4]], "radius": 2, "color": [1, 0, 0] }] }],
+        "animation": { "frames": 3, "keys": [{ "frame": 0 }, { "frame": 2, "light": { "direction": [1, -1, 0] },
+            "views": [{ "name": "v", "camera": { "to_world": { "translate": [1, 0, 0] }, "fov": 40, "size": [8, 8] } }] }] } }"#;
+    for text in [moving, hall, dawn] {
         let [first, second] = ["first.json", "second.json"].map(|name| folder.path().join(name));
         std::fs::write(&first, text).unwrap();
         let set = ["exposure=0.5".to_owned()];
@@ -348,6 +384,13 @@ fn a_resolved_file_is_the_same_scene() {
             [
                 format!("{scene:?}"),
                 format!("{:?}", SceneFile::read(&second).unwrap().open::<Animated>(&[]).unwrap().0),
+            ]
+        } else if text == dawn {
+            let (scene, resolved) = SceneFile::read(&first).unwrap().open::<AnimatedDocument>(&set).unwrap();
+            std::fs::write(&second, resolved.text_in(folder.path(), &[]).unwrap()).unwrap();
+            [
+                format!("{scene:?}"),
+                format!("{:?}", SceneFile::read(&second).unwrap().open::<AnimatedDocument>(&[]).unwrap().0),
             ]
         } else {
             let (scene, resolved) = SceneFile::read(&first).unwrap().open::<Document>(&set).unwrap();

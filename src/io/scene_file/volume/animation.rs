@@ -10,11 +10,10 @@ use crate::io::image::Association;
 use crate::io::scene_file::assets::Assets;
 use crate::io::scene_file::file_name::FileName;
 use crate::io::scene_file::flaw::{At, Built, Flaw, within};
+use crate::io::scene_file::key_frames::{check_frames, views_of_key};
 use crate::io::scene_file::stroke::Stroke;
 use crate::scene::{self, Find, VolumeMedium, VolumeScene, VoxelGrid};
 
-/// Frames at most.
-const MOST_FRAMES: usize = 10_000;
 /// The largest number of the first file.
 const LARGEST_NUMBER: usize = 1_000_000_000;
 
@@ -114,23 +113,8 @@ impl Animation {
 
     /// What can be said before anything is read.
     pub(super) fn check(&self, volume: &Volume, stages: &[Find]) -> Built<()> {
-        within("frames", self.frames, [2, MOST_FRAMES])?;
-        if self.keys.len() < 2 {
-            return Err(Flaw::new("keys", format!("at least two are needed, not {}", self.keys.len())));
-        }
-        for (index, key) in self.keys.iter().enumerate() {
-            let place = format!("keys[{index}].frame");
-            if key.frame >= self.frames {
-                let expected = format!("below {}, the number of frames", self.frames);
-                return Err(Flaw::value(place, key.frame, &expected));
-            }
-            if let Some(before) = index.checked_sub(1).map(|before| self.keys[before].frame)
-                && key.frame <= before
-            {
-                let expected = format!("above {before}, the frame of the key before it");
-                return Err(Flaw::value(place, key.frame, &expected));
-            }
-        }
+        let keys: Vec<usize> = self.keys.iter().map(|key| key.frame).collect();
+        check_frames(self.frames, &keys)?;
         let is_of_files = self.is_of_files(volume);
         if self.first_file.is_some() && !is_of_files {
             let problem =
@@ -243,20 +227,12 @@ impl Key {
 
     /// Puts what is wanted at this key into a scene.
     pub(super) fn want(&self, scene: &mut VolumeScene, assets: &mut Assets) -> Built<()> {
-        for (index, wanted) in self.views.iter().enumerate() {
-            let place = format!("views[{index}]");
-            let named = |view: &scene::VolumeView| view.view.name == wanted.name;
-            if self.views[..index].iter().any(|other| other.name == wanted.name) {
-                return Err(Flaw::value(format!("{place}.name"), &wanted.name, "the name of another view"));
-            }
-            let Some(view) = scene.views.iter_mut().find(|view| named(view)) else {
-                return Err(Flaw::value(
-                    format!("{place}.name"),
-                    &wanted.name,
-                    "the name of a view of the scene",
-                ));
-            };
-            let built = wanted.wanted().build(&wanted.name, view.view.camera.clone(), assets).at(&place)?;
+        let names: Vec<&str> = scene.views.iter().map(|view| view.view.name.as_str()).collect();
+        let numbers = views_of_key(self.views.iter().map(|wanted| wanted.name.as_str()), &names)?;
+        for (index, (wanted, number)) in self.views.iter().zip(numbers).enumerate() {
+            let view = &mut scene.views[number];
+            let built = wanted.wanted().build(&wanted.name, view.view.camera.clone(), assets);
+            let built = built.at(&format!("views[{index}]"))?;
             *view = scene::VolumeView { background: view.background.take(), ..built };
         }
         if scene.views.iter().any(scene::VolumeView::is_wanted) {

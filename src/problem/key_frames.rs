@@ -1,0 +1,38 @@
+//! What the frames of an animation of light maps have in common.
+
+use std::sync::Arc;
+
+use super::fit;
+use super::transfer::seen_far;
+use crate::Result;
+use crate::scene::{AnimatedScene, Extent};
+use crate::visibility::Geometry;
+
+/// The animation with what follows from all key frames together put in where none of them says it: the far end of transfer functions, which is as far as the views
+/// of all keys see, and the extent of the light maps, in the frame of the light, which holds those that are looked for. `geometry` is the
+/// hierarchy over the triangles.
+///
+/// Errors: those of [`fit`].
+pub fn settle_key_frames(animated: &AnimatedScene, geometry: &Arc<Geometry>) -> Result<AnimatedScene> {
+    let mut animated = animated.clone();
+    let keys = &mut animated.animation.keys;
+    let mut functions = keys.iter().flat_map(|key| &key.scene.looks.transfer);
+    if functions.any(|(_, transfer)| transfer.far.is_none()) {
+        let far = seen_far(keys.iter().map(|key| &key.scene), geometry);
+        for key in keys.iter_mut() {
+            for (_, transfer) in &mut key.scene.looks.transfer {
+                transfer.far.get_or_insert(far);
+            }
+        }
+    }
+    let mut extent: Option<Extent> = None;
+    let looked_for = animated.light_maps.count(keys.len());
+    for key in &keys[..looked_for] {
+        let own = fit(&key.scene, &key.scene.light_map, geometry)?.light_map.extent;
+        extent = Some(extent.map_or(own, |all| all.include(own.min).include(own.max)));
+    }
+    if let Some(extent) = extent {
+        keys.iter_mut().for_each(|key| _ = key.scene.light_map.extent.get_or_insert(extent));
+    }
+    Ok(animated)
+}
