@@ -10,6 +10,8 @@ import { byId, element } from './dom.js';
 const BLENDS = [['alpha', 'Over'], ['multiply', 'Multiply'], ['add', 'Add']];
 const FIRST = { gradient: { along: 'depth', from: '#ffdca8', to: '#86a4ff' } }; // a layer that shows what this is about
 const LONGEST = 256;
+const ROLES = [['factor', 'A factor of the light'], ['color', 'The light itself']];
+const MOST_COLOR = 0.9;
 
 const showLayers = keeper(byId('layers'));
 const showSliders = keeper(byId('transfer-sliders'));
@@ -297,6 +299,18 @@ function sliders() {
   const far = () => transfer().far ?? units(state.looks.far ?? state.look.span);
   const longest = () => 20 * units(state.look.span);
   return [
+    choice({
+      label: 'Colours are', title: 'What the table gives a line of sight', options: ROLES, read: () => transfer().as ?? 'factor',
+      write: (role) => change((looks) => {
+        looks.transfer.as = role;
+        // A light map has something to change where some of the light is left.
+        if (role === 'color') looks.transfer.strength = Math.min(looks.transfer.strength ?? 1, MOST_COLOR);
+      }),
+    }),
+    ...['Across', 'Down'].map((label, axis) => choice({
+      label, title: 'What a line of sight is looked up by', options: Object.entries(WORDS).map(([name, { by }]) => [name, by]), read: () => axesOf()[axis],
+      write: (name) => turnAxis(axis, name),
+    })),
     slider({
       label: 'Far end', title: 'How deep a line of sight is at the lower end of the table', scale: logarithmic(longest() / 2000, longest()), digits: 2,
       read: far, write: (value) => drag((looks) => {
@@ -310,6 +324,18 @@ function sliders() {
       }), begin: beginDrag, text: percent,
     }),
   ];
+}
+
+// Gradients go along with the axis that they were along. Both axes are never the same: the other one becomes what this one was.
+function turnAxis(axis, name) {
+  const before = axesOf();
+  const axes = before.map((other, number) => (number === axis ? name : other === name ? before[axis] : other));
+  change(({ transfer: function_ }) => {
+    for (const { gradient } of function_.layers) {
+      if (gradient && !axes.includes(gradient.along)) gradient.along = name;
+    }
+    function_.axes = axes;
+  });
 }
 
 function show() {
@@ -341,7 +367,7 @@ function switchOff() {
 // As it was when it was switched off, else something that shows what this is about.
 function switchOn() {
   change((looks) => {
-    looks.transfer = switchedOff ?? { far: short(units(2 * state.look.span)), layers: [FIRST] };
+    looks.transfer = switchedOff ?? { layers: [FIRST] };
   });
 }
 
