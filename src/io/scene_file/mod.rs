@@ -93,9 +93,9 @@ use scene_text::SceneText;
 /// Each of `overrides` is `path=value`, such as `views[0].camera.fov=50`, and takes the place of what the file
 /// says; the value is JSON, or else a string.
 ///
-/// Errors: [`Error::Scene`] for what is wrong in the file or in a file that it names, with its place;
-/// [`Error::File`] and [`Error::TooLarge`] when the scene file cannot be read or is larger than 64 MiB;
-/// [`Error::Value`] for an override that is not of that form.
+/// Errors: [`crate::Error::Scene`] for what is wrong in the file or in a file that it names, with its place;
+/// [`crate::Error::File`] and [`crate::Error::TooLarge`] when the scene file cannot be read or is larger than 64 MiB;
+/// [`crate::Error::Value`] for an override that is not of that form.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Scene> {
     Ok(SceneFile::read(path)?.open::<Document>(overrides)?.0)
 }
@@ -123,7 +123,7 @@ pub fn load_animated_scene(path: &Path, overrides: &[String]) -> Result<Animated
 
 /// The scene of a text, as [`load`] reads it from a file; `name` stands for the file in messages and titles.
 ///
-/// Errors: [`Error::Scene`] and [`Error::Value`], as [`load`].
+/// Errors: [`crate::Error::Scene`] and [`crate::Error::Value`], as [`load`].
 pub fn parse(text: &str, name: &str, overrides: &[String]) -> Result<Scene> {
     scene_from_bytes(text.as_bytes(), Path::new(name), overrides)
 }
