@@ -419,6 +419,7 @@ pub(crate) enum LookName {
     /// Extruded silhouettes.
     Extrude,
     /// Holes that are made.
+    #[value(alias = "holes")]
     Pierce,
     /// The transfer function.
     Transfer,

@@ -12,6 +12,7 @@ const FIRST = { gradient: { along: 'depth', from: '#ffdca8', to: '#86a4ff' } }; 
 const LONGEST = 256;
 const ROLES = [['factor', 'A factor of the light'], ['color', 'The light itself']];
 const MOST_COLOR = 0.9;
+const SHADE = { along: 'visibility', from: '#000000', to: '#ffffff', blend: 'multiply' };
 
 const showLayers = keeper(byId('layers'));
 const showSliders = keeper(byId('transfer-sliders'));
@@ -303,8 +304,13 @@ function sliders() {
       label: 'Colours are', title: 'What the table gives a line of sight', options: ROLES, read: () => transfer().as ?? 'factor',
       write: (role) => change((looks) => {
         looks.transfer.as = role;
+        if (role !== 'color') return;
         // A light map has something to change where some of the light is left.
-        if (role === 'color') looks.transfer.strength = Math.min(looks.transfer.strength ?? 1, MOST_COLOR);
+        looks.transfer.strength = Math.min(looks.transfer.strength ?? 1, MOST_COLOR);
+        // What no light reaches would glow.
+        const { layers } = looks.transfer;
+        const knowsShade = layers.some(({ solid, gradient }) => !solid && (!gradient || gradient.along === 'visibility'));
+        if (!knowsShade && axesOf().includes('visibility')) layers.push({ gradient: SHADE });
       }),
     }),
     ...['Across', 'Down'].map((label, axis) => choice({

@@ -1,7 +1,7 @@
 //! Ctrl-C: what was computed is written, and the solve can be continued.
 #![cfg(unix)]
 
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -11,35 +11,30 @@ use super::{Desk, PATIENCE, Ran};
 const LONG: [&str; 9] =
     ["light-map", "scene.json", "-o", "out", "--iterations", "1000000", "--tolerance", "0", "--json"];
 
-/// Starts a solve that would not end by itself, and waits until it iterates: its first preview is there.
-fn under_way(desk: &Desk) -> Child {
+/// Starts a solve that would not end by itself, waits until it iterates, for then this preview is there, and interrupts it.
+pub fn interrupted(desk: &Desk, arguments: &[&str], preview: &str) -> Ran {
     let child = Command::new(crate::program())
         .current_dir(desk.path("."))
-        .args(LONG)
+        .args(arguments)
         .args(["--preview-every", "3"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
     let begun = Instant::now();
-    while !desk.path("out/preview/right_after.png").is_file() {
+    while !desk.path("out/preview").join(preview).is_file() {
         assert!(begun.elapsed() < PATIENCE, "no preview appears");
         sleep(Duration::from_millis(5));
     }
-    child
-}
-
-fn signal(child: &Child, name: &str) {
-    let sent = Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(sent.success());
+    Ran::of(arguments, &child.wait_with_output().unwrap()).exits_with(130)
 }
 
 #[test]
 fn ctrl_c_writes_results_and_the_solve_goes_on_from_there() {
     let desk = Desk::new();
-    let child = under_way(&desk);
-    signal(&child, "-INT");
-    let ran = Ran::of(&LONG, &child.wait_with_output().unwrap()).exits_with(130);
+    let ran = interrupted(&desk, &LONG, "right_after.png");
     let report = ran.json();
     assert_eq!(report, desk.json("out/report.json"));
     assert_eq!(report["stop"]["reason"], "interrupted");

@@ -177,6 +177,26 @@ fn some_frames_are_those_of_all() {
 }
 
 #[test]
+#[cfg(unix)]
+fn ctrl_c_writes_the_keys_that_there_are_and_resume_goes_on() {
+    let desk = Desk::with(&moving("each"));
+    let long = ["animate", "scene.json", "-o", "out", "--iterations", "1000000", "--tolerance", "0"];
+    super::interrupt::interrupted(&desk, &long, "key_0000_left_after.png");
+    let report = desk.json("out/report.json");
+    assert_eq!(report["stop"]["reason"], "interrupted");
+    let keys = report["animation"]["keys"].as_array().unwrap().len();
+    assert!(keys < 3 && desk.path("out/key_0000_checkpoint").is_file(), "{keys} keys");
+    let goal = (report["stop"]["iteration"].as_u64().unwrap() + 5).to_string();
+    let until = ["--iterations", &goal, "--tolerance", "0"];
+    desk.done(&[&["animate", "scene.json", "-q", "-o", "out", "--resume"], &until[..]].concat());
+    desk.done(&[&["animate", "scene.json", "-q", "-o", "straight"], &until[..]].concat());
+    for number in 0..7 {
+        let name = format!("frame_{number:04}_left.exr");
+        assert!(desk.read(&format!("out/{name}")) == desk.read(&format!("straight/{name}")), "{name}");
+    }
+}
+
+#[test]
 fn light_maps_of_keys_are_found_and_blended() {
     let scene = moving("each");
     let desk = animated(&scene, &[]);

@@ -255,25 +255,9 @@ fn other_commands_look_at_the_keys() {
 #[test]
 #[cfg(unix)]
 fn ctrl_c_writes_the_keys_that_there_are_and_resume_goes_on() {
-    use std::process::{Command, Stdio};
     let desk = Desk::with(&moving("shapes"));
     let long = ["animate", "scene.json", "-o", "out", "--iterations", "1000000", "--tolerance", "0"];
-    let child = Command::new(crate::program())
-        .current_dir(desk.path("."))
-        .args(long)
-        .args(["--preview-every", "3"])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let begun = std::time::Instant::now();
-    while !desk.path("out/preview/key_0000_front_after.png").is_file() {
-        assert!(begun.elapsed() < crate::command::PATIENCE, "no preview appears");
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    let output = child.wait_with_output().unwrap();
-    crate::command::Ran::of(&long, &output).exits_with(130);
+    crate::command::interrupt::interrupted(&desk, &long, "key_0000_front_after.png");
     let report = desk.json("out/report.json");
     assert_eq!(report["stop"]["reason"], "interrupted");
     assert_eq!(report["animation"]["keys"].as_array().unwrap().len(), 1);
