@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use super::memory::{self, MemoryBudget};
 use super::steps::Steps;
-use super::{Scenes, film, volume};
+use super::{Scenes, film, light_map, volume};
 use crate::Result;
-use crate::problem::{LightMapProblem, Problem, Traced, TransferProblem, VolumeProblem, settle_key_frames};
+use crate::problem::{Problem, Traced, TransferProblem, VolumeProblem, settle_key_frames};
 use crate::scene::{Find, KeyFrame, Scene, SolveSettings, Sought, VolumeScene};
 use crate::visibility::Geometry;
 
@@ -87,13 +87,18 @@ impl Scenes {
     /// All problems: each light map or transfer function, or each stage of each volume. Frames can be drawn without any.
     pub(crate) fn asked(&self, geometry: &Arc<Geometry>, steps: &mut Steps<'_>) -> Result<Vec<AskedProblem>> {
         let mut all = Vec::new();
+        let others = match self {
+            Self::LightAnimation(animated) => settle_key_frames(animated, geometry)?.others(),
+            _ => Vec::new(),
+        };
         for scene in self.painted_scenes(geometry)? {
             steps.begin("tracing", None);
             let (clock, memory) = (Instant::now(), MemoryBudget::of_light_map(&scene));
             let painted = memory::painted(&scene)?;
             let (find, problem): (_, Box<dyn Problem>) = match scene.find {
                 Sought::LightMap => {
-                    ("light map", Box::new(LightMapProblem::of(&scene, geometry, painted, &Traced)?))
+                    let problem = light_map::problem_of((&scene, painted), &others, geometry, &Traced)?;
+                    ("light map", Box::new(problem))
                 }
                 Sought::Transfer => {
                     ("transfer function", Box::new(TransferProblem::of(&scene, geometry, painted, &Traced)?))

@@ -127,7 +127,9 @@ impl FoundLightAnimation {
         }
         steps.begin("tracing", None);
         let prefix = of_frame("key", key.frame);
-        let place = light_map::Place { options, folder, prefix: &prefix, is_later: index > 0 };
+        let others = self.animated.others();
+        let place =
+            light_map::Place { options, folder, prefix: &prefix, is_later: index > 0, others: &others };
         let found = light_map::solve(&key.scene, &self.geometry, engine, place, steps)?;
         // Its checkpoint.
         folder.map_or(Ok(()), Folder::publish)?;
@@ -217,6 +219,16 @@ impl FoundLightAnimation {
                 let own = report.matched.iter().cloned();
                 views
                     .extend(own.map(|view| report::ViewMatch { view: named(&view.view, key.frame), ..view }));
+                let others = self.animated.others();
+                for (number, (other, at)) in (1..).zip(others.iter().zip(&self.animated.animation.keys[1..]))
+                {
+                    let matched = found.matched_at(other, number);
+                    views.extend(
+                        matched
+                            .into_iter()
+                            .map(|view| report::ViewMatch { view: named(&view.view, at.frame), ..view }),
+                    );
+                }
                 for (sum, own) in sums.iter_mut().zip(found.distances()) {
                     (0..2).for_each(|k| sum[k] += own[k]);
                 }

@@ -14,15 +14,19 @@ use super::exposure::readable;
 use super::findings::{Findings, reached};
 use super::folder::{Folder, ViewImages};
 use super::memory::MemoryBudget;
-use super::painted::{draw, hue_angles, matched, trace, with_looks};
+use super::painted::{Make, draw, hue_angles, matched, trace, with_looks};
 use super::placement::Placement;
 use super::steps::{Steps, Timings};
 use super::warnings;
 use crate::Result;
 use crate::io::scene_file::Chosen;
 use crate::operator::CpuVector;
-use crate::problem::{Assessment, Assessor, Canvas, LightMapProblem, Renderer, held_back};
-use crate::report::{self, Change, FoundPicture, LightRecord, Report, Share, SunRecord, SurroundingsRecord};
+use crate::problem::{
+    Assessment, Assessor, Canvas, Constraint, LightMapProblem, Renderer, Surfaces, held_back, pixels,
+};
+use crate::report::{
+    self, Change, FoundPicture, LightRecord, Report, Share, SunRecord, SurroundingsRecord, ViewMatch,
+};
 use crate::scene::{Environment, Grid, Image, MapFit, Rgb, Scene, Sky, SolveSettings};
 use crate::visibility::Geometry;
 
@@ -50,6 +54,24 @@ pub(super) struct Place<'a> {
     pub(super) prefix: &'a str,
     /// Whether others were solved before, so that there need not be a checkpoint to resume from.
     pub(super) is_later: bool,
+    /// Further scenes before whose suns the same light map stands.
+    pub(super) others: &'a [Scene],
+}
+
+/// The problem of a scene whose pixels are painted already, and of the others before whose suns its light map stands.
+///
+/// Errors: those of [`LightMapProblem::before_suns`], and of painting the others.
+pub(super) fn problem_of(
+    (scene, painted): (&Scene, Vec<Constraint>),
+    others: &[Scene],
+    geometry: &Arc<Geometry>,
+    surfaces: &dyn Surfaces,
+) -> Result<LightMapProblem> {
+    let mut all = vec![(scene, painted)];
+    for other in others {
+        all.push((other, pixels(other)?));
+    }
+    LightMapProblem::before_suns(all, geometry, surfaces)
 }
 
 /// Solves a scene, in the step `tracing` that has begun with `geometry`, the hierarchy over its triangles. Checkpoints and previews go to the
@@ -61,8 +83,10 @@ pub(super) fn solve(
     place: Place<'_>,
     steps: &mut Steps<'_>,
 ) -> Result<FoundLightMap> {
-    let Place { options, folder, prefix, is_later } = place;
-    let problem = trace(scene, geometry, (engine, options.rasterize), steps, &LightMapProblem::of)?;
+    let Place { options, folder, prefix, is_later, others } = place;
+    let make: &Make<'_, LightMapProblem> =
+        &|scene, geometry, painted, surfaces| problem_of((scene, painted), others, geometry, surfaces);
+    let problem = trace(scene, geometry, (engine, options.rasterize), steps, make)?;
     steps.go_on()?;
     warnings::tell_of_fog(scene, &problem.maps.geometry);
     warnings::tell_of_panes(&problem.maps);
@@ -88,7 +112,7 @@ pub(super) fn solve(
     let (computed, (assessments, held_back)) =
         task.run(engine, resumed, steps, &|operator, elements, steps| {
             steps.begin("assessing", None);
-            let views = scene.views.len();
+            let views = scene.views.len() * (1 + others.len());
             let assessor = Assessor::new(&problem, operator)?;
             let assessments = [assessor.assess(&problem.starts(), views)?, assessor.assess(elements, views)?];
             Ok((assessments, held_back(&problem, operator, &settings, elements)?))
@@ -123,13 +147,18 @@ impl FoundLightMap {
         let about = (scene.name.as_str(), scene.target, scene.pixels());
         let report = Report {
             weighted_residual: Change { before: before.all.residual, after: after.all.residual },
-            matched: matched(scene, assessments),
+            matched: self.matched_at(scene, 0),
             hue: Some(hue_angles(&after.all)),
             light: Some(*light),
             surroundings: self.surroundings(scene),
             ..Findings { problem, settings, computed }.report("light-map", about, timings)?
         };
         Ok(with_looks(report, scene))
+    }
+
+    /// How near the pictures of painted views of the scene with that number have come.
+    pub(super) fn matched_at(&self, scene: &Scene, number: usize) -> Vec<ViewMatch> {
+        matched(scene, &self.assessments, number * scene.views.len())
     }
 
     fn surroundings(&self, scene: &Scene) -> Option<SurroundingsRecord> {

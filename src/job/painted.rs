@@ -53,9 +53,9 @@ pub(super) fn trace<P>(
     }
 }
 
-/// How near the pictures of painted views have come.
-pub(super) fn matched(scene: &Scene, [before, after]: &[Assessment; 2]) -> Vec<ViewMatch> {
-    let views = scene.views.iter().zip(&before.views).zip(&after.views);
+/// How near the pictures of painted views have come; the number of the scene's first view among those that were assessed is `first`.
+pub(super) fn matched(scene: &Scene, [before, after]: &[Assessment; 2], first: usize) -> Vec<ViewMatch> {
+    let views = scene.views.iter().zip(&before.views[first..]).zip(&after.views[first..]);
     let matched = views.filter(|((_, before), _)| before.pixels > 0).map(|((view, before), after)| {
         let change = |of: fn(&Match) -> f64| Change { before: of(before), after: of(after) };
         ViewMatch {

@@ -84,8 +84,13 @@ impl Solution {
                 Found::Transfer(scene.clone(), Box::new(found))
             }
             Scenes::LightMap(scene) => {
-                let place =
-                    light_map::Place { options, folder: folder.as_ref(), prefix: "", is_later: false };
+                let place = light_map::Place {
+                    options,
+                    folder: folder.as_ref(),
+                    prefix: "",
+                    is_later: false,
+                    others: &[],
+                };
                 steps.begin("tracing", None);
                 let geometry = job.scenes.geometry()?;
                 let found = light_map::solve(scene, &geometry, &mut engine, place, &mut steps)?;

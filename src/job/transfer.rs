@@ -96,7 +96,7 @@ impl FoundTransfer {
         let about = (scene.name.as_str(), scene.target, scene.pixels());
         let report = Report {
             weighted_residual: Change { before: before.all.residual, after: after.all.residual },
-            matched: matched(scene, assessments),
+            matched: matched(scene, assessments, 0),
             hue: Some(hue_angles(&after.all)),
             ..Findings { problem, settings, computed }.report("light-map", about, timings)?
         };

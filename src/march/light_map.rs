@@ -65,14 +65,25 @@ pub struct LightMapTraversal {
     /// Panes that the eye looks through.
     seen: Option<Arc<SeenPanes>>,
     further: Option<Arc<FurtherWeights>>,
+    /// The suns of rows that are not all under the transport's.
+    suns: Option<Arc<RowSuns>>,
     /// Whether only what panes have coloured counts along the rays.
     only_colored: bool,
+}
+
+/// The suns that rows are under, where one light map is before several, one at a time. Each row's ray is in the frame of its own sun.
+#[derive(Debug, Clone)]
+pub struct RowSuns {
+    /// What is lit under each.
+    pub shadow_maps: Vec<Arc<ShadowMap>>,
+    /// The number of each row's sun.
+    pub of_rows: Vec<u32>,
 }
 
 impl LightMapTraversal {
     /// The rows of `rays`.
     pub fn new(transport: LightMapTransport, rays: Arc<[ViewRay]>) -> Self {
-        Self { transport, rays, seen: None, further: None, only_colored: false }
+        Self { transport, rays, seen: None, further: None, suns: None, only_colored: false }
     }
 
     /// The same rows through panes before the eye, one row of panes a ray.
@@ -83,6 +94,25 @@ impl LightMapTraversal {
     /// The same rows, which have further weights, too: of elements behind the texels, one row of weights a ray.
     pub fn with_further(self, further: Arc<FurtherWeights>) -> Self {
         Self { further: Some(further), ..self }
+    }
+
+    /// The same rows, each under a sun of its own.
+    pub fn under(self, suns: Arc<RowSuns>) -> Self {
+        Self { suns: Some(suns), ..self }
+    }
+
+    /// The suns of rows that are not all under the transport's.
+    pub fn suns(&self) -> Option<&Arc<RowSuns>> {
+        self.suns.as_ref()
+    }
+
+    /// What is lit under the sun of a row.
+    #[inline]
+    fn shadow_map(&self, row: usize) -> &ShadowMap {
+        match &self.suns {
+            None => &self.transport.shadow_map,
+            Some(suns) => &suns.shadow_maps[suns.of_rows[row] as usize],
+        }
     }
 
     /// The weights beside those of the texels along the rays.
@@ -98,14 +128,19 @@ impl LightMapTraversal {
             None => self.rays.clone(),
             Some(_) => self.rays.iter().enumerate().map(cut).collect(),
         };
-        Self { transport: self.transport.before_panes(), rays, seen: None, ..self.clone() }
+        let suns = self.suns.as_ref().map(|suns| {
+            let shadow_maps = suns.shadow_maps.iter().map(before_panes).collect();
+            Arc::new(RowSuns { shadow_maps, of_rows: suns.of_rows.clone() })
+        });
+        Self { transport: self.transport.before_panes(), rays, seen: None, suns, ..self.clone() }
     }
 
     /// What the rows have beside texels along the rays up to panes: light that panes have coloured, and further weights. None where that
     /// is nothing.
     pub fn beside(&self) -> Option<Self> {
-        let is_something =
-            self.further.is_some() || self.seen.is_some() || self.transport.shadow_map.behind().is_some();
+        let maps = self.suns.iter().flat_map(|suns| &suns.shadow_maps);
+        let passes = maps.chain([&self.transport.shadow_map]).any(|map| map.behind().is_some());
+        let is_something = self.further.is_some() || self.seen.is_some() || passes;
         is_something.then(|| Self { only_colored: true, ..self.clone() })
     }
 
@@ -113,7 +148,7 @@ impl LightMapTraversal {
     pub fn is_colored(&self, row: usize) -> bool {
         let ray = &self.rays[row];
         let mut is_colored = false;
-        let light = Colored(Light::<f64>::new(ray, &self.transport.shadow_map, self.seen_by(row)));
+        let light = Colored(Light::<f64>::new(ray, self.shadow_map(row), self.seen_by(row)));
         light.each(0.0, self.end(ray), &mut |_, _, _| is_colored = true);
         is_colored
     }
@@ -130,6 +165,10 @@ impl LightMapTraversal {
             rays: rows.iter().map(|&row| self.rays[row]).collect(),
             seen: self.seen.as_ref().and_then(|seen| SeenPanes::new(rows.iter().map(|&row| seen.of(row)))),
             further: self.further.as_ref().map(|shown| Arc::new(shown.picked(rows))),
+            suns: self.suns.as_ref().map(|suns| {
+                let of_rows = rows.iter().map(|&row| suns.of_rows[row]).collect();
+                Arc::new(RowSuns { of_rows, ..(**suns).clone() })
+            }),
             only_colored: self.only_colored,
         }
     }
@@ -161,7 +200,7 @@ impl LightMapTraversal {
     pub fn lit_ray(&self, row: usize) -> LitRay<'_> {
         let (ray, end) = (&self.rays[row], self.end(&self.rays[row]));
         let mut stretches = Vec::new();
-        let light = Light::<f64>::new(ray, &self.transport.shadow_map, self.seen_by(row));
+        let light = Light::<f64>::new(ray, self.shadow_map(row), self.seen_by(row));
         light.each(0.0, end, &mut |from, to, passes| stretches.push(LitStretch { from, to, passes }));
         LitRay { transport: &self.transport, ray, end, stretches }
     }
@@ -193,7 +232,7 @@ impl LightMapTraversal {
 
     /// The part of [a, b] of a row that is over the shadow map; beside it everything is lit.
     pub fn over_the_shadow_map(&self, row: usize, a: f64, b: f64) -> Option<[f64; 2]> {
-        let grid = self.transport.shadow_map.grid();
+        let grid = self.shadow_map(row).grid();
         let [origin, slope] = grid_ray(&self.rays[row], grid);
         clip(origin.to_array(), slope.to_array(), grid.size.map(|side| side as f64), a, b)
     }
@@ -206,7 +245,7 @@ impl LightMapTraversal {
         if let Some([enter, leave]) = self.transport.inside(ray, end) {
             let [_, slope] = grid_ray(ray, &self.transport.light_map);
             extent.texels = slope.length() * (leave - enter);
-            let lit = shadow_ray::<f64>(ray, reached(&self.transport.shadow_map));
+            let lit = shadow_ray::<f64>(ray, reached(self.shadow_map(row)));
             extent.shadow_nodes = lit.lit_stretches(enter, leave, &mut |start, end| {
                 extent.lit_texels += slope.length() * (end - start);
             });
@@ -220,8 +259,8 @@ impl LightMapTraversal {
     }
 
     fn weight_between(&self, row: usize, a: f64, b: f64) -> [f64; 3] {
-        let transport = &self.transport;
-        weight_between(&self.rays[row], self.seen_by(row), transport.sigma_t, &transport.shadow_map, [a, b])
+        let sigma_t = self.transport.sigma_t;
+        weight_between(&self.rays[row], self.seen_by(row), sigma_t, self.shadow_map(row), [a, b])
     }
 }
 
@@ -305,7 +344,7 @@ impl<F: Real, const C: usize> Traversal<F, C> for LightMapTraversal {
             return gathered::<F, C, X>(self, row, x);
         }
         let ray = &self.rays[row];
-        let light = Light::<F>::new(ray, &self.transport.shadow_map, self.seen_by(row));
+        let light = Light::<F>::new(ray, self.shadow_map(row), self.seen_by(row));
         self.transport.gather_any::<X, F, C>(ray, self.end(ray), &light, x)
     }
 }
@@ -314,7 +353,7 @@ impl LightMapTraversal {
     #[inline]
     fn walk_texels<F: Real, const C: usize>(&self, row: usize, visit: &mut impl FnMut(usize, Weight<F, C>)) {
         let ray = &self.rays[row];
-        let light = Light::<F>::new(ray, &self.transport.shadow_map, self.seen_by(row));
+        let light = Light::<F>::new(ray, self.shadow_map(row), self.seen_by(row));
         if self.only_colored {
             self.transport.walk_any(ray, self.end(ray), &Colored(light), visit);
         } else {
@@ -323,14 +362,18 @@ impl LightMapTraversal {
     }
 }
 
+/// The same map, with panes as solid as all else.
+fn before_panes(shadow_map: &Arc<ShadowMap>) -> Arc<ShadowMap> {
+    match shadow_map.behind() {
+        None => shadow_map.clone(),
+        Some(_) => Arc::new((**shadow_map).clone().with_solid_panes()),
+    }
+}
+
 impl LightMapTransport {
     /// The same, with panes as solid as all else.
     pub fn before_panes(&self) -> Self {
-        let shadow_map = match self.shadow_map.behind() {
-            None => self.shadow_map.clone(),
-            Some(_) => Arc::new((*self.shadow_map).clone().with_solid_panes()),
-        };
-        Self { shadow_map, ..self.clone() }
+        Self { shadow_map: before_panes(&self.shadow_map), ..self.clone() }
     }
 
     /// The distance at which the clearest channel's transmittance is the bound, in metres.

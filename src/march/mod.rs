@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 pub use exponential::{SERIES_0, SERIES_2};
 pub use further_weights::{FurtherWeights, Reflected};
-pub use light_map::{LightMapTransport, LightMapTraversal, LitRay, RowExtent};
+pub use light_map::{LightMapTransport, LightMapTraversal, LitRay, RowExtent, RowSuns};
 pub use lit::{LitStretch, SeenPane, SeenPanes, lit_stretches, weight_between};
 pub use table::{Lookup, TableTraversal};
 pub use view_ray::ViewRay;

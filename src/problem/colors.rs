@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::Constraint;
-use crate::march::{LightMapTraversal, SeenPane, SeenPanes};
+use crate::march::{LightMapTraversal, SeenPane};
 use crate::scene::Scene;
 use crate::visibility::Geometry;
 
@@ -46,20 +46,19 @@ impl Colors {
     }
 }
 
-/// The panes before painted pixels, whose rays have these lengths in metres.
-pub(super) fn seen_panes(
+/// The panes before each painted pixel, whose rays have these lengths in metres.
+pub(super) fn panes_before(
     scene: &Scene,
     geometry: &Geometry,
     constraints: &[Constraint],
     lengths: &[f64],
-) -> Option<Arc<SeenPanes>> {
+) -> Vec<Vec<SeenPane>> {
     if !geometry.has_panes() {
-        return None;
+        return vec![Vec::new(); constraints.len()];
     }
     let panes = |(pixel, &length): (&Constraint, &f64)| {
         let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
         SeenPane::through(&geometry.panes(&ray, length))
     };
-    let panes: Vec<Vec<SeenPane>> = constraints.par_iter().zip(lengths).map(panes).collect();
-    SeenPanes::new(panes.iter().map(|row| &row[..]))
+    constraints.par_iter().zip(lengths).map(panes).collect()
 }

@@ -1,7 +1,7 @@
 use rayon::prelude::*;
 
 use super::Painting;
-use crate::scene::{Opacity, Rgb, Scene, View, rgb};
+use crate::scene::{Opacity, Rgb, Scene, View, luminance, rgb};
 use crate::{Error, Result};
 
 /// Pixels without paint that are kept as they are: one in so many along each axis, with the weight of all.
@@ -45,6 +45,16 @@ pub(super) struct RowRadiance {
 }
 
 impl RowRadiance {
+    /// Rows are under these suns, and relative to the first: white light is as bright as each of them.
+    pub(super) fn white_of(&mut self, suns: &[Rgb], of_rows: &[u32]) {
+        let white = |sun: Rgb| rgb(|c| if sun[c] > 0.0 { luminance(sun) / sun[c] } else { 0.0 });
+        let first = white(suns[0]);
+        for (row, &sun) in self.white.iter_mut().zip(of_rows) {
+            let own = white(suns[sun as usize]);
+            *row = rgb(|c| if first[c] > 0.0 { row[c] / first[c] * own[c] } else { row[c] });
+        }
+    }
+
     /// Adds light that no unknown changes.
     pub(super) fn add(&mut self, added: &[Rgb]) {
         for rows in [&mut self.known, &mut self.plain, &mut self.white] {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::fit;
 use super::transfer::seen_far;
 use crate::Result;
-use crate::scene::{AnimatedScene, Extent};
+use crate::scene::{AnimatedScene, Extent, LightMaps, Scene};
 use crate::visibility::Geometry;
 
 /// The animation with what follows from all key frames together put in where none of them says it: the far end of transfer functions, which is as far as the views
@@ -26,8 +26,10 @@ pub fn settle_key_frames(animated: &AnimatedScene, geometry: &Arc<Geometry>) -> 
         }
     }
     let mut extent: Option<Extent> = None;
-    let looked_for = animated.light_maps.count(keys.len());
-    for key in &keys[..looked_for] {
+    let has_paint =
+        |scene: &Scene| scene.views.iter().any(|view| !view.strokes.is_empty() || !view.layers.is_empty());
+    let looked_at = keys.iter().filter(|key| animated.light_maps != LightMaps::None && has_paint(&key.scene));
+    for key in looked_at {
         let own = fit(&key.scene, &key.scene.light_map, geometry)?.light_map.extent;
         extent = Some(extent.map_or(own, |all| all.include(own.min).include(own.max)));
     }

@@ -1,15 +1,15 @@
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::colors::{Colors, seen_panes};
+use super::colors::Colors;
 use super::constraints::{RowRadiance, wished};
-use super::extents::fit_to;
 use super::fill::fill;
 use super::lit_texels::lit_texels;
 use super::looked_for::{Nouns, explicit, row_of};
+use super::painted_rows::PaintedRows;
 use super::solved::not_finite;
-use super::surfaces::lengths;
 use super::surroundings::AllLight;
 use super::{
     Constraint, Formulation, Lattice, Maps, Painting, Part, Problem, Solved, Start, Surfaces, Traced,
@@ -95,21 +95,32 @@ impl LightMapProblem {
         constraints: Vec<Constraint>,
         surfaces: &dyn Surfaces,
     ) -> Result<Self> {
-        let hits = surfaces.hits(scene, geometry, &constraints)?;
-        let lengths = lengths(&hits);
-        let maps = fit_to(scene, &scene.light_map, geometry, &constraints, &lengths, surfaces)?;
-        let (rays, added): (Vec<ViewRay>, Vec<Rgb>) = constraints
-            .par_iter()
-            .zip(&lengths)
-            .map(|(pixel, &length)| {
-                let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
-                maps.view_ray(&ray, length, &scene.medium)
-            })
-            .unzip();
-        check_replaced(&maps, &rays)?;
-        let panes = seen_panes(scene, geometry, &constraints, &lengths);
-        let transport = transport(scene, &maps, scene.solve.quadrature);
-        let traversal = LightMapTraversal::new(transport, rays.into()).through_panes(panes);
+        Self::before_suns(vec![(scene, constraints)], geometry, surfaces)
+    }
+
+    /// One light map before the suns of several scenes, one at a time: all pixels are rows, those of later scenes in views that are counted
+    /// behind. A texel is radiance of the first sun, and passes the same part of the others'. The scenes are alike but for sun, cameras, paint and looks, and say
+    /// where the light map lies; of the first one are settings and maps.
+    ///
+    /// Errors: as [`Self::of`]; [`Error::Value`] for a sun that has light in a channel in which the first one has none.
+    pub fn before_suns(
+        scenes: Vec<(&Scene, Vec<Constraint>)>,
+        geometry: &Arc<Geometry>,
+        surfaces: &dyn Surfaces,
+    ) -> Result<Self> {
+        let all: Vec<&Scene> = scenes.iter().map(|(scene, _)| *scene).collect();
+        let scene = all[0];
+        let PaintedRows { constraints, hits, maps: of_each, added, traversal, is_grey } =
+            PaintedRows::new(scenes, geometry, surfaces)?;
+        let maps = of_each[0].clone();
+        check_replaced(&maps, traversal.rays())?;
+        if all.len() > 1 && all.iter().any(|scene| scene.surroundings.is_some()) {
+            return Err(Error::Empty {
+                reason: "several suns shine through one light map, and `surroundings` are those of one"
+                    .to_owned(),
+                remedy: "take `surroundings` away",
+            });
+        }
         let start = scene.light.radiance;
         let (traversal, mut radiance) = match AllLight::new(scene, &maps, &constraints, &hits, &traversal)? {
             None => {
@@ -118,13 +129,17 @@ impl LightMapProblem {
             }
             Some(AllLight { further, radiance }) => (traversal.with_further(Arc::new(further)), radiance),
         };
+        if let Some(suns) = traversal.suns() {
+            let lights: Vec<Rgb> = all.iter().map(|scene| scene.light.radiance).collect();
+            radiance.white_of(&lights, &suns.of_rows);
+        }
         radiance.add(&added);
         let RowRadiance { known: known_radiance, plain, white } = radiance;
-        let colors = Colors::of(&traversal, geometry, maps.is_grey(&scene.medium));
+        let colors = Colors::of(&traversal, geometry, is_grey);
         let plan = WalkPlan::of(&traversal, colors.are_grey());
         let spreads = scene.solve.fade != Fade::Nowhere
             && scene.solve.regularization.gradient != RegularizationWeight::Relative(0.0);
-        let lit = if spreads { lit_texels(scene, &maps) } else { Arc::default() };
+        let lit = if spreads { seen_lit(&all, &of_each) } else { Arc::default() };
         let further_start = scene.surroundings.as_ref().map_or(Vec::new(), |it| it.start(start));
         let adds = maps.transfer.as_ref().is_some_and(|it| it.adds());
         let knows_weights = further_start.is_empty() && start.iter().all(|&light| light > 0.0) && !adds;
@@ -139,13 +154,13 @@ impl LightMapProblem {
             white,
             rule: scene.target,
             opacity: scene.opacity,
-            keep: scene.views.iter().map(|view| view.keep).collect(),
+            keep: all.iter().flat_map(|scene| &scene.views).map(|view| view.keep).collect(),
             start,
             further_start,
             lit,
             plan,
             colors,
-            widths: scene.views.iter().map(|view| view.camera.size()[0]).collect(),
+            widths: all.iter().flat_map(|scene| &scene.views).map(|view| view.camera.size()[0]).collect(),
         };
         problem.targets = (0..problem.constraints.len()).map(|row| problem.target(row)).collect();
         Ok(problem)
@@ -457,6 +472,13 @@ impl Problem for LightMapProblem {
     fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, budget: u64, deterministic: bool) -> Result<GpuOperator> {
         check_brightness(gpu, self.start)?;
         let walked = || -> Result<Box<dyn DeviceOperator>> {
+            if self.traversal.suns().is_some() {
+                return Err(Error::Unsupported {
+                    adapter: gpu.record().name.clone(),
+                    problem: "walks rows under one sun alone, and these are under several".to_owned(),
+                    remedy: "set solve.strategy=assembled, raise solve.memory, or compute on the processor",
+                });
+            }
             let Some(beside) = self.traversal.beside() else {
                 return Ok(Box::new(Walked::light_map(
                     gpu,
@@ -488,7 +510,8 @@ impl Problem for LightMapProblem {
 
     fn prepared_bytes(&self) -> u64 {
         let sky: usize = self.maps.sky.iter().map(|beam| beam.shadow_map.grid().len()).sum();
-        let texels = self.maps.shadow_map.grid().len() + sky;
+        let suns = self.traversal.suns().map_or(1, |suns| suns.shadow_maps.len());
+        let texels = suns * self.maps.shadow_map.grid().len() + sky;
         let weights = FurtherWeights::bytes(self.rows(), self.further_start.len());
         // Numbers of lit texels, and cells over them.
         let joined = if self.lit.is_empty() { 0 } else { JOINED * self.maps.light_map.len() };
@@ -505,15 +528,10 @@ impl Problem for LightMapProblem {
             let numbers = [ray.origin.to_array(), ray.direction.to_array(), ray.scattering];
             numbers.iter().flatten().chain([&ray.length]).for_each(|number| add(number.to_bits()));
         }
-        let grids = [&self.maps.light_map, self.maps.shadow_map.grid()];
-        grids.iter().for_each(|grid| format!("{grid:?}").bytes().for_each(|byte| add(byte.into())));
-        let [width, height] = self.maps.shadow_map.grid().size;
-        for k in 0..width * height {
-            add(self.maps.shadow_map.depth(k % width, k / width).to_bits().into());
-            let behind = self.maps.shadow_map.behind().into_iter();
-            for pane in behind.flat_map(|behind| behind.panes(k % width, k / width)) {
-                pane.passes.iter().chain([&pane.depth]).for_each(|number| add(number.to_bits().into()));
-            }
+        format!("{:?}", self.maps.light_map).bytes().for_each(|byte| add(byte.into()));
+        match self.traversal.suns() {
+            None => digest_of_map(&self.maps.shadow_map, add),
+            Some(suns) => suns.shadow_maps.iter().for_each(|map| digest_of_map(map, add)),
         }
         for row in 0..self.rows() {
             for pane in self.traversal.seen_by(row) {
@@ -566,6 +584,17 @@ impl Problem for LightMapProblem {
     }
 }
 
+fn digest_of_map(map: &ShadowMap, add: &mut dyn FnMut(u64)) {
+    format!("{:?}", map.grid()).bytes().for_each(|byte| add(byte.into()));
+    let [width, height] = map.grid().size;
+    for k in 0..width * height {
+        add(map.depth(k % width, k / width).to_bits().into());
+        for pane in map.behind().into_iter().flat_map(|behind| behind.panes(k % width, k / width)) {
+            pane.passes.iter().chain([&pane.depth]).for_each(|number| add(number.to_bits().into()));
+        }
+    }
+}
+
 /// Whether an adapter can sum up squares of this light in f32. The sums would be zero for fainter light, and infinite for brighter
 /// light.
 ///
@@ -597,6 +626,19 @@ fn wanted(rule: Target, pixel: &Constraint, [plain, white]: [&Rgb; 2]) -> Rgb {
         // One exactly where the paint covers, so that the colour comes through as it was painted.
         if pixel.opacity < 1.0 { plain[c] + pixel.opacity * (painted - plain[c]) } else { painted }
     })
+}
+
+/// The texels that some view of some scene sees lit.
+fn seen_lit(scenes: &[&Scene], maps: &[Maps]) -> Arc<[u32]> {
+    let of_each: Vec<Arc<[u32]>> =
+        scenes.iter().zip(maps).map(|(scene, maps)| lit_texels(scene, maps)).collect();
+    match &of_each[..] {
+        [one] => one.clone(),
+        several => {
+            let all: BTreeSet<u32> = several.iter().flat_map(|texels| texels.iter().copied()).collect();
+            all.into_iter().collect()
+        }
+    }
 }
 
 /// What is known of rows that show scattered light alone: the light from outside the light map, which keeps its own radiance.

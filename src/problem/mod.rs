@@ -15,6 +15,7 @@ mod key_frames;
 mod light_map;
 mod lit_texels;
 mod looked_for;
+mod painted_rows;
 mod painting;
 #[cfg(feature = "gpu")]
 mod rasterized;

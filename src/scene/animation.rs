@@ -33,14 +33,14 @@ pub struct AnimatedScene {
 pub enum LightMaps {
     /// None: light is as it is.
     None,
-    /// One for all frames, which the first key asks for.
+    /// One for all frames, which stands before the suns of all keys.
     One,
     /// One for each key, blended between them.
     Each,
 }
 
 impl LightMaps {
-    /// How many of so many keys ask for one; they are the first.
+    /// How many are looked for, of so many keys: one for each of the first.
     pub fn count(self, keys: usize) -> usize {
         match self {
             Self::None => 0,
@@ -51,6 +51,14 @@ impl LightMaps {
 }
 
 impl AnimatedScene {
+    /// The scenes of the keys behind the first, where one light map stands before the suns of all.
+    pub fn others(&self) -> Vec<Scene> {
+        match self.light_maps {
+            LightMaps::One => self.animation.keys.iter().skip(1).map(|key| key.scene.clone()).collect(),
+            LightMaps::None | LightMaps::Each => Vec::new(),
+        }
+    }
+
     /// The scene at a frame: between two keys on the way from one to the other, and nothing is painted there. The sun turns along the great
     /// circle; cameras move along a straight line while they turn about one axis; radiance, fields of view and looks are blended linearly.
     ///

@@ -34,6 +34,7 @@ mod split_rows;
 mod studio;
 #[cfg(feature = "studio")]
 mod studio_looks;
+mod suns;
 mod surroundings;
 mod threads;
 #[path = "../tolerances.rs"]

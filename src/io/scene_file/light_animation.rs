@@ -34,7 +34,7 @@ pub struct LightAnimation {
 pub enum LightMaps {
     /// None: light is as it is, and what is painted is not looked at.
     None,
-    /// One for all frames, found from what is painted at the first key. It turns with the sun, and passes as much of it when it changes its colour.
+    /// One for all frames, found from what is painted at all keys, the first among them. It turns with the sun, and passes as much of it when it changes its colour.
     One,
     /// One for each key, blended between them.
     Each,

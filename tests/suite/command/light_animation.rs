@@ -281,6 +281,36 @@ fn one_light_map_passes_the_same_part_of_every_light() {
 }
 
 #[test]
+fn one_light_map_is_found_behind_the_paint_of_all_keys() {
+    let paint =
+        |color: &str, x: i32| json!([{ "points": [[x, 8], [x + 4, 30]], "radius": 4, "color": color }]);
+    let mut scene = moving("one");
+    scene["animation"]["keys"] = json!([
+        { "frame": 0, "views": [{ "name": "left", "strokes": paint("#ff8040", 12) }, { "name": "right", "strokes": [] }] },
+        {
+            "frame": 6,
+            "light": { "direction": [-0.1, -1.0, -0.2], "radiance": [4.0, 4.0, 4.0] },
+            "views": [{ "name": "left", "strokes": [] }, { "name": "right", "strokes": paint("#40a0ff", 30) }]
+        }
+    ]);
+    let matched = |scene: &Value| {
+        let report = animated(scene, &[]).json("out/report.json");
+        let views = report["match"].as_array().unwrap().clone();
+        let of = |name: &str| {
+            let view = views.iter().find(|view| view["view"] == name);
+            view.map(|view| view["weighted_residual"]["after"].as_f64().unwrap())
+        };
+        ["left, frame 0", "right, frame 6"].map(of)
+    };
+    let both = matched(&scene);
+    assert!(both.iter().all(|residual| residual.is_some_and(|residual| residual < 0.5)), "{both:?}");
+    // Without the paint of the last key nobody asks for it.
+    scene["animation"]["keys"][1]["views"][1]["strokes"] = json!([]);
+    let first = matched(&scene);
+    assert!(first[1].is_none() && first[0].unwrap() <= both[0].unwrap() + 0.05, "{first:?}, {both:?}");
+}
+
+#[test]
 fn an_animation_comes_out_again() {
     for light_map in ["none", "each"] {
         let mut scene = moving(light_map);
