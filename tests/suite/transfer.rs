@@ -252,3 +252,23 @@ fn pictures_without_some_looks_are_those_of_a_scene_without_them() {
     assert!(drawn(&all, vec![Look::Fill, Look::Transfer, Look::Pierce]) == drawn("{}", Vec::new()));
     assert!(drawn(&all, Vec::new()) != filled);
 }
+
+#[test]
+fn moods_of_the_demos_go_with_scenes_that_know_nothing_of_them() {
+    let load = |scene: &str, mood: &str| {
+        let looks = format!("looks.file=moods/{mood}");
+        unscatter::io::scene_file::load(Path::new(&format!("strokes/{scene}.json")), &[looks])
+    };
+    let moods = std::fs::read_dir("strokes/moods").unwrap().map(|file| file.unwrap().file_name());
+    let moods: Vec<String> = moods.map(|name| name.into_string().unwrap()).collect();
+    for mood in moods.iter().filter(|name| name.ends_with(".json")) {
+        // One of them is about leaves, and a view of the forest.
+        let scenes: &[&str] =
+            if mood == "clearing.json" { &["forest"] } else { &["citadel", "nave", "forest"] };
+        for scene in scenes {
+            let looks = load(scene, mood).unwrap().looks;
+            assert!(looks.in_words().is_some() && looks.transfer.len() == 1, "{scene}, {mood}");
+        }
+    }
+    assert!(moods.len() > 4 && load("citadel", "clearing.json").unwrap_err().to_string().contains("leaves"));
+}
