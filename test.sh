@@ -114,7 +114,7 @@ say "benchmark, in short"
 cargo run --locked --release --quiet -- bench --quick --backend cpu -q --counts benches/counts.csv -o "$out/bench"
 
 say "the demo scenes are what their generator makes"
-for file in strokes/*; do
+for file in strokes/*.*; do
   cmp "$file" "$out/03_demo_scenes/$(basename "$file")"
 done
 
