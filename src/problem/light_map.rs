@@ -689,16 +689,3 @@ fn check_replaced(maps: &Maps, rays: &[ViewRay]) -> Result<()> {
 fn passes_the_map([lit, outside]: &[[f64; 3]; 2]) -> bool {
     (0..3).any(|c| lit[c] - outside[c] > 1e-12 * lit[c])
 }
-
-/// What all rays of a scene share.
-pub(super) fn transport(scene: &Scene, maps: &Maps, quadrature: Quadrature) -> LightMapTransport {
-    LightMapTransport {
-        sigma_t: scene.medium.sigma_t,
-        shadow_map: maps.shadow_map.clone(),
-        light_map: maps.light_map,
-        basis: scene.solve.basis,
-        quadrature,
-        transmittance_bound: scene.solve.transmittance_bound,
-        mask: None,
-    }
-}

@@ -6,11 +6,10 @@ use rayon::prelude::*;
 
 use super::colors::panes_before;
 use super::extents::fit_to;
-use super::light_map::transport;
 use super::surfaces::lengths;
 use super::{Constraint, Maps, Surfaces};
-use crate::march::{LightMapTraversal, RowSuns, SeenPane, SeenPanes, ViewRay};
-use crate::scene::{Rgb, Scene};
+use crate::march::{LightMapTransport, LightMapTraversal, RowSuns, SeenPane, SeenPanes, ViewRay};
+use crate::scene::{Quadrature, Rgb, Scene};
 use crate::visibility::{Geometry, Hit};
 use crate::{Error, Result};
 
@@ -123,4 +122,17 @@ fn share(radiance: Rgb, first: Rgb) -> Result<[f64; 3]> {
         true => 1.0,
         false => f64::from(radiance[c]) / f64::from(first[c]),
     }))
+}
+
+/// What all rays of a scene share.
+pub(super) fn transport(scene: &Scene, maps: &Maps, quadrature: Quadrature) -> LightMapTransport {
+    LightMapTransport {
+        sigma_t: scene.medium.sigma_t,
+        shadow_map: maps.shadow_map.clone(),
+        light_map: maps.light_map,
+        basis: scene.solve.basis,
+        quadrature,
+        transmittance_bound: scene.solve.transmittance_bound,
+        mask: None,
+    }
 }

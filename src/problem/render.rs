@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::light_map::transport;
+use super::painted_rows::transport;
 use super::scattering::{Light, Scattering};
 use super::surroundings::{Corners, Seen};
 use super::{Canvas, Maps};

@@ -103,7 +103,7 @@ struct OnAdapter {
 #[cfg(feature = "gpu")]
 impl OnAdapter {
     fn new(gpu: &Gpu, Light { scene, change, .. }: Light, maps: &Maps) -> Result<Self> {
-        let solid = super::light_map::transport(scene, maps, scene.solve.quadrature).before_panes();
+        let solid = super::painted_rows::transport(scene, maps, scene.solve.quadrature).before_panes();
         let on_gpu = |values: &[Rgb]| brought(GpuVector::zeros(gpu, values.len()), values);
         Ok(Self {
             gpu: gpu.clone(),
