@@ -52,6 +52,10 @@ impl SceneArguments {
         }
         Job::of_file(&file, &[])?;
         let (given, expected) = match is {
+            Subject::LightMap if wanted.contains(&Subject::LightAnimation) => (
+                "a file without `animation`",
+                "one with it; what stays as it is is drawn by `unscatter render`, and light maps are found by `unscatter light-map`",
+            ),
             Subject::LightMap => {
                 ("a scene without `volume`", "one with; light maps are found by `unscatter light-map`")
             }
