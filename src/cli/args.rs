@@ -392,7 +392,7 @@ pub(crate) struct RenderArguments {
     /// Draws one part of the light alone: `scattering` is what the fog scatters of the sun, which paint is about.
     #[arg(long, value_name = "PART")]
     pub(crate) only: Option<OnlyLight>,
-    /// Leaves looks of the scene out, to compare: fill, extrude, pierce, transfer, or all; separated by commas.
+    /// Leaves looks of the scene out, to compare: fill, extrude, pierce, transfer, heterogeneity, or all; separated by commas.
     #[arg(long, value_name = "LOOKS", value_delimiter = ',')]
     pub(crate) without: Vec<LookName>,
     /// Pictures of a volume from all around, beside its views.
@@ -423,6 +423,8 @@ pub(crate) enum LookName {
     Pierce,
     /// The transfer function.
     Transfer,
+    /// Irregular air.
+    Heterogeneity,
     /// All of them.
     All,
 }
@@ -435,7 +437,8 @@ impl LookName {
             Self::Extrude => &[Look::Extrude],
             Self::Pierce => &[Look::Pierce],
             Self::Transfer => &[Look::Transfer],
-            Self::All => &[Look::Fill, Look::Extrude, Look::Pierce, Look::Transfer],
+            Self::Heterogeneity => &[Look::Heterogeneity],
+            Self::All => &[Look::Fill, Look::Extrude, Look::Pierce, Look::Transfer, Look::Heterogeneity],
         }
     }
 }

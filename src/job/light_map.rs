@@ -90,6 +90,7 @@ pub(super) fn solve(
     steps.go_on()?;
     warnings::tell_of_fog(scene, &problem.maps.geometry);
     warnings::tell_of_panes(&problem.maps);
+    warnings::tell_of_air(scene, &problem.maps.geometry);
     warnings::tell_of_shadow(scene, &problem)?;
     let memory = MemoryBudget::of_light_map(scene);
     let settings = memory.settled(scene.solve.clone(), &problem)?;

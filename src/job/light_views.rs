@@ -61,6 +61,7 @@ pub(super) fn draw(
         if index == 0 {
             warnings::tell_of_fog(scene, &maps.geometry);
             warnings::tell_of_panes(&maps);
+            warnings::tell_of_air(scene, &maps.geometry);
         }
         let Some(views) = draw_views(scene, &maps, (texels, light), engine, steps)? else {
             return Ok(false);

@@ -51,6 +51,7 @@ pub(super) fn solve(
     let problem = trace(scene, geometry, (engine, options.rasterize), steps, &TransferProblem::of)?;
     steps.go_on()?;
     warnings::tell_of_fog(scene, &problem.pixels.maps.geometry);
+    warnings::tell_of_air(scene, &problem.pixels.maps.geometry);
     if problem.table.role == TransferRole::Factor {
         warnings::tell_of_shadow(scene, &problem.pixels)?;
     }

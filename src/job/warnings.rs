@@ -1,6 +1,6 @@
 //! What a painted scene and its light map give reason to warn of.
 
-use crate::problem::{LightMapProblem, Maps, Match, paint, seen_distances};
+use crate::problem::{LightMapProblem, Maps, Match, UnseenAir, paint, seen_distances, unseen_air};
 use crate::report::LightRecord;
 use crate::scene::{Scene, Stroke, View};
 use crate::visibility::{Behind, Geometry};
@@ -49,6 +49,25 @@ pub(super) fn tell_of_fog(scene: &Scene, geometry: &Geometry) {
             figures(scene.metres_per_unit.recip() / distance)
         );
         Warning::new("fog-out-of-range", text, remedy).tell();
+    }
+}
+
+/// Tells of heterogeneous air that no view sees.
+pub(super) fn tell_of_air(scene: &Scene, geometry: &Geometry) {
+    for unseen in unseen_air(scene, geometry) {
+        let (code, text, remedy) = match unseen {
+            UnseenAir::Box => (
+                "unseen-air",
+                "no view ray meets `looks.heterogeneity.bounds`, so that nothing of its blend volumes is seen".to_owned(),
+                "leave `bounds` away, which fits them to what the views see",
+            ),
+            UnseenAir::Stroke(volume, number) => (
+                "unseen-air",
+                format!("no view sees strokes[{number}] of looks.heterogeneity.{volume}: it is hidden behind a surface, or beside all pictures"),
+                "move it, or take it away",
+            ),
+        };
+        Warning::new(code, text, remedy).tell();
     }
 }
 

@@ -6,6 +6,7 @@
 mod basis;
 mod exponential;
 mod further_weights;
+mod heterogeneity;
 mod light_map;
 mod lit;
 mod row_order;
@@ -19,6 +20,7 @@ use rayon::prelude::*;
 
 pub use exponential::{SERIES_0, SERIES_2};
 pub use further_weights::{FurtherWeights, Reflected};
+pub use heterogeneity::{AirGrid, HeterogeneityField, MOST_INTENSITY, NoiseVolume};
 pub use light_map::{LightMapTransport, LightMapTraversal, LitRay, RowExtent, RowSuns};
 pub use lit::{LitStretch, SeenPane, SeenPanes, lit_stretches, weight_between};
 pub use table::{Lookup, TableTraversal};

@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use super::heterogeneity::HeterogeneousAir;
 use super::scattered::Scattered;
 use super::sight::{Sight, grid, occluded, seen_and_occluded};
 use super::sky::sky_beams;
@@ -26,16 +27,28 @@ pub struct Maps {
     pub sky: Arc<[SkyBeam]>,
     /// The colours of scattered light; none where it is as it is.
     pub transfer: Option<Arc<TransferFunction>>,
+    /// What makes the air scatter more or less light along a ray; none where it is even.
+    pub heterogeneity: Option<Arc<HeterogeneousAir>>,
 }
 
 impl Maps {
     /// A view ray in the frame of the light, its scattered light as looks have it, and the radiance that they add to that. `length` is in
     /// metres up to the first surface, infinite where there is none.
     pub fn view_ray(&self, ray: &Ray, length: f64, medium: &Medium) -> (ViewRay, Rgb) {
+        self.view_ray_in(ray, length, medium, self.air_factor(ray, length))
+    }
+
+    /// The same through air that scatters so many times as much light.
+    pub(super) fn view_ray_in(&self, ray: &Ray, length: f64, medium: &Medium, air: f64) -> (ViewRay, Rgb) {
         let ray = ViewRay::new(ray, length, &self.frame, medium);
         let tinted = self.transfer.as_ref().map_or(Tinted::NOT, |it| it.of_ray(&ray, &self.shadow_map));
-        let scattering = [0, 1, 2].map(|c| ray.scattering[c] * tinted.factor[c]);
-        (ViewRay { scattering, ..ray }, tinted.added)
+        let scattering = [0, 1, 2].map(|c| ray.scattering[c] * tinted.factor[c] * air);
+        (ViewRay { scattering, ..ray }, tinted.added.map(|added| added * air as f32))
+    }
+
+    /// How many times as much light the air scatters along a ray as even air.
+    pub fn air_factor(&self, ray: &Ray, length: f64) -> f64 {
+        self.heterogeneity.as_ref().map_or(1.0, |air| air.factor(ray, length))
     }
 
     /// The same maps under another transfer function.
@@ -111,6 +124,8 @@ pub(super) fn fit_to(
     let sky = sky_beams(scene, geometry, &sight)?;
     let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };
     let transfer = TransferFunction::of(scene, geometry, (&frame, &shadow_map))?.map(Arc::new);
+    let heterogeneity = HeterogeneousAir::of(scene, geometry)?.map(Arc::new);
     let geometry = geometry.clone();
-    Ok(Maps { geometry, frame, light_map, shadow_map: Arc::new(shadow_map), sky, transfer })
+    let shadow_map = Arc::new(shadow_map);
+    Ok(Maps { geometry, frame, light_map, shadow_map, sky, transfer, heterogeneity })
 }

@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use super::fit;
+use super::heterogeneity::FittedAir;
 use super::transfer::seen_far;
 use crate::Result;
 use crate::scene::{AnimatedScene, Extent, LightMaps, Scene};
 use crate::visibility::Geometry;
 
 /// The animation with what follows from all key frames together put in where none of them says it: the far end of transfer functions, which is as far as the views
-/// of all keys see, and the extent of the light maps, in the frame of the light, which holds those that are looked for. `geometry` is the
+/// of all keys see, where heterogeneous air lies, and the extent of the light maps, in the frame of the light, which holds those that are looked for. `geometry` is the
 /// hierarchy over the triangles.
 ///
 /// Errors: those of [`fit`].
@@ -23,6 +24,14 @@ pub fn settle_key_frames(animated: &AnimatedScene, geometry: &Arc<Geometry>) -> 
             for (_, transfer) in &mut key.scene.looks.transfer {
                 transfer.far.get_or_insert(far);
             }
+        }
+    }
+    if keys.iter().any(|key| !key.scene.looks.heterogeneity.is_empty()) {
+        let scenes = || keys.iter().map(|key| &key.scene);
+        let fitted = FittedAir::over(scenes(), geometry, seen_far(scenes(), geometry));
+        for (_, air) in keys.iter_mut().flat_map(|key| &mut key.scene.looks.heterogeneity) {
+            let (bounds, size) = fitted.of(air);
+            (air.bounds, air.noise.size) = (Some(bounds), Some(size));
         }
     }
     let mut extent: Option<Extent> = None;

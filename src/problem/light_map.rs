@@ -515,7 +515,8 @@ impl Problem for LightMapProblem {
         let weights = FurtherWeights::bytes(self.rows(), self.further_start.len());
         // Numbers of lit texels, and cells over them.
         let joined = if self.lit.is_empty() { 0 } else { JOINED * self.maps.light_map.len() };
-        (texels * ShadowMap::bytes_a_texel(self.maps.geometry.mesh()) + joined) as u64
+        let air = self.maps.heterogeneity.as_ref().map_or(0, |air| air.bytes());
+        (texels * ShadowMap::bytes_a_texel(self.maps.geometry.mesh()) + joined + air) as u64
             + if self.further_start.is_empty() { 0 } else { 3 * weights }
     }
 

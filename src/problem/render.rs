@@ -7,7 +7,7 @@ use super::scattering::{Light, Scattering};
 use super::surroundings::{Corners, Seen};
 use super::{Canvas, Maps};
 use crate::march::{LightMapTraversal, SeenPanes, ViewRay};
-use crate::scene::{Camera, Image, Rgb, Scene, rgb};
+use crate::scene::{Camera, Image, Ray, Rgb, Scene, rgb};
 use crate::visibility::ShadowMap;
 use crate::{Error, Result};
 
@@ -87,6 +87,7 @@ impl<'a> Renderer<'a> {
             change: changed.as_ref().map(|changed| &changed.difference[..]),
         };
         let scattering = Scattering::new(canvas, light, maps)?;
+        let air = maps.heterogeneity.as_ref().map(|air| air.over_picture(camera, &maps.geometry));
         let [width, height] = camera.size();
         let mut pixels: Vec<[Rgb; 2]> = Vec::with_capacity(width * height);
         for first in (0..width * height).step_by(canvas.pixels_at_once()) {
@@ -95,7 +96,10 @@ impl<'a> Renderer<'a> {
                 .into_par_iter()
                 .map(|index| Seen::along(maps, camera.pixel_ray(index % width, index / width)))
                 .collect();
-            pixels.append(&mut self.pixels(&seen, &scattering)?);
+            let air = |row: usize, ray: &Ray, length: f64| {
+                air.as_ref().map_or(1.0, |air| air.factor(first + row, ray, length))
+            };
+            pixels.append(&mut self.pixels(&seen, &air, &scattering)?);
         }
         let picture = |which: usize| {
             let pixels = pixels.par_iter().map(|pixel| pixel[which]).collect();
@@ -104,14 +108,20 @@ impl<'a> Renderer<'a> {
         Ok(Rendering { before: picture(0)?, after: picture(1)? })
     }
 
-    /// Before and after of some pixels.
-    fn pixels(&self, seen: &[Seen], scattering: &Scattering) -> Result<Vec<[Rgb; 2]>> {
+    /// Before and after of some pixels, whose rays are through air of these factors.
+    fn pixels(
+        &self,
+        seen: &[Seen],
+        air: &(dyn Fn(usize, &Ray, f64) -> f64 + Sync),
+        scattering: &Scattering,
+    ) -> Result<Vec<[Rgb; 2]>> {
         let Self { scene, maps, changed, .. } = self;
         let (rays, added): (Vec<ViewRay>, Vec<Rgb>) = seen
             .par_iter()
-            .map(|Seen { ray, hit, .. }| {
+            .enumerate()
+            .map(|(row, Seen { ray, hit, .. })| {
                 let length = hit.map_or(f64::INFINITY, |hit| hit.distance);
-                maps.view_ray(ray, length, &scene.medium)
+                maps.view_ray_in(ray, length, &scene.medium, air(row, ray, length))
             })
             .unzip();
         let mut transport = transport(scene, maps, scene.solve.quadrature);

@@ -74,14 +74,18 @@ impl TransferProblem {
         if table.strength == 0.0 {
             return Err(empty("looks.transfer.strength is 0", "raise looks.transfer.strength"));
         }
-        let lookup = |(ray, scattered): (&ViewRay, &Rgb)| Lookup {
+        let lookup = |(pixel, (ray, scattered)): (&Constraint, (&ViewRay, &Rgb))| Lookup {
             corners: table.corners_of(ray, &maps.shadow_map),
             white: match table.role {
                 TransferRole::Factor => scattered.map(|value| table.strength * f64::from(value)),
-                TransferRole::Color => [table.strength * table.white; 3],
+                TransferRole::Color => {
+                    let seen = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
+                    [table.strength * table.white * maps.air_factor(&seen, ray.length); 3]
+                }
             },
         };
         let rows = as_it_is.traversal.rays().iter().zip(&as_it_is.plain);
+        let rows = as_it_is.constraints.iter().zip(rows);
         let traversal = TableTraversal::new(table.texels.len(), rows.map(lookup).collect::<Vec<_>>());
         let radiance = radiance(&table, &traversal, &as_it_is);
         let pixels = as_it_is.showing(radiance);

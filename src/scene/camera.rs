@@ -157,6 +157,11 @@ impl Camera {
         self.world_from_camera.translation
     }
 
+    /// The direction straight ahead, in world space.
+    pub fn ahead(&self) -> DVec3 {
+        self.world_from_camera.transform_vector3(DVec3::NEG_Z)
+    }
+
     /// The view ray through the point (x, y) of the picture, in pixels.
     pub fn ray(&self, x: f64, y: f64) -> Ray {
         let towards = match &self.optics {

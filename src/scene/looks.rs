@@ -1,7 +1,7 @@
 use glam::{DVec2, DVec3};
 
-use super::Transfer;
 use super::procedural::lattice_hash;
+use super::{Heterogeneity, Transfer};
 
 /// How single scattering is bent beyond what is physical (Kol et al. 2017, sec. 4).
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -10,6 +10,8 @@ pub struct Looks {
     pub occluders: Vec<OccluderEdit>,
     /// Transfer functions with their shares, which add up to 1; none where scattered light is as it is.
     pub transfer: Vec<(f64, Transfer)>,
+    /// How irregular the air is, with shares that add up to 1 at most; the rest, or all where there is none, is even air.
+    pub heterogeneity: Vec<(f64, Heterogeneity)>,
 }
 
 /// A kind of look.
@@ -23,6 +25,8 @@ pub enum Look {
     Pierce,
     /// Transfer functions.
     Transfer,
+    /// Heterogeneity of the air.
+    Heterogeneity,
 }
 
 impl Looks {
@@ -52,8 +56,12 @@ impl Looks {
             let Transfer { size: [width, height], strength, .. } = transfer;
             format!("a transfer function of {width} × {height} ({:.0} %)", 100.0 * share * strength)
         };
-        let words: Vec<String> =
-            self.occluders.iter().map(of_edit).chain(self.transfer.iter().map(of_function)).collect();
+        let of_air = |(share, air): &(f64, Heterogeneity)| match *share {
+            1.0 => air.in_words(),
+            share => format!("{} ({:.0} %)", air.in_words(), 100.0 * share),
+        };
+        let edits = self.occluders.iter().map(of_edit).chain(self.transfer.iter().map(of_function));
+        let words: Vec<String> = edits.chain(self.heterogeneity.iter().map(of_air)).collect();
         (!words.is_empty()).then(|| words.join(", then "))
     }
 
@@ -70,6 +78,10 @@ impl Looks {
         Self {
             occluders: self.occluders.iter().filter(stays).cloned().collect(),
             transfer: if kinds.contains(&Look::Transfer) { Vec::new() } else { self.transfer.clone() },
+            heterogeneity: match kinds.contains(&Look::Heterogeneity) {
+                true => Vec::new(),
+                false => self.heterogeneity.clone(),
+            },
         }
     }
 }
@@ -182,8 +194,29 @@ impl Looks {
                 .map(|(looks, part)| looks.occluders.iter().map(move |edit| edit.weakened(part)));
             out.chain(into).collect()
         });
-        Self { occluders, transfer: blended(&self.transfer, &to.transfer, share) }
+        Self {
+            occluders,
+            transfer: blended(&self.transfer, &to.transfer, share),
+            heterogeneity: both(&self.heterogeneity, &to.heterogeneity, share),
+        }
     }
+}
+
+/// Air between two such lists: noise that has moved alone moves, else both are there, each with its part.
+fn both(from: &[(f64, Heterogeneity)], to: &[(f64, Heterogeneity)], share: f64) -> Vec<(f64, Heterogeneity)> {
+    let moved = |((part, from), (_, to)): (&(f64, Heterogeneity), &(f64, Heterogeneity))| {
+        from.moved_to(to, share).map(|air| (*part, air))
+    };
+    let is_paired = from.len() == to.len() && from.iter().zip(to).all(|(from, to)| from.0 == to.0);
+    if let Some(moved) = from.iter().zip(to).map(moved).collect::<Option<Vec<_>>>()
+        && is_paired
+    {
+        return moved;
+    }
+    let part = |list: &[(f64, Heterogeneity)], part: f64| {
+        list.iter().map(move |(own, air)| (part * own, air.clone())).collect::<Vec<_>>()
+    };
+    [part(from, 1.0 - share), part(to, share)].concat()
 }
 
 /// Transfer functions with their shares between two such lists; where one has none, light is as it is.
@@ -390,7 +423,7 @@ mod tests {
         };
         let fill =
             |radius, strength| edit(OccluderEditKind::Fill(Kernel::Disc, Radius::Texels(radius)), strength);
-        let looks = |occluders| Looks { occluders, transfer: Vec::new() };
+        let looks = |occluders| Looks { occluders, ..Looks::default() };
         let from = looks(vec![fill(2.0, 1.0), pierce(0.25, None)]);
         let to = looks(vec![fill(6.0, 0.5), pierce(0.75, Some(Sway { turn: 3.0, amount: 0.5 }))]);
         let middle = from.between(&to, 0.25);
@@ -417,7 +450,7 @@ mod tests {
     #[test]
     fn transfer_functions_have_parts_that_add_up_to_one() {
         let strong = |strength| Transfer { strength, ..Transfer::none() };
-        let looks = |transfer| Looks { occluders: Vec::new(), transfer };
+        let looks = |transfer| Looks { transfer, ..Looks::default() };
         let (from, to) =
             (looks(vec![(1.0, strong(0.5))]), looks(vec![(0.25, strong(0.1)), (0.75, strong(0.2))]));
         let middle = from.between(&to, 0.5).transfer;

@@ -9,6 +9,7 @@ mod directions;
 mod environment;
 mod glass;
 mod grid;
+mod heterogeneity;
 mod image;
 mod lens;
 mod light;
@@ -36,6 +37,7 @@ pub use camera::{Camera, FovAxis, Ray, look_at};
 pub use environment::Environment;
 pub use glass::{Glass, Tint};
 pub use grid::{Extent, Grid};
+pub use heterogeneity::{AirNoise, AirStroke, BlendVolume, Blends, Heterogeneity};
 pub use image::{Image, RgbaImage};
 pub use lens::{Lens, Projection};
 pub use light::{DirectionalLight, LightFrame};
@@ -44,6 +46,7 @@ pub use looks::{HoleNoise, Holes, Kernel, Look, Looks, OccluderEdit, OccluderEdi
 pub use medium::{Medium, henyey_greenstein};
 pub use mesh::{AlphaMask, Material, Mesh, Object};
 pub use primitive::Primitive;
+pub(crate) use procedural::tileable_noise;
 pub use procedural::{Blob, Noise, Procedural};
 pub use settings::{
     Basis, Fade, MapFit, MapSettings, MetricName, Opacity, Quadrature, Regularization, RegularizationWeight,

@@ -115,15 +115,26 @@ impl Noise {
     }
 }
 
+/// The same noise, which is repeated after so many cells along each axis.
+pub(crate) fn tileable_noise(p: DVec3, period: u32, seed: u32) -> f64 {
+    let period = f64::from(period);
+    noise_of(p, seed, |cell| cell - period * (cell / period).floor())
+}
+
 /// Perlin's gradient noise (2002, *Improving Noise*), from about −1 to 1, with hashed gradients.
 fn gradient_noise(p: DVec3, seed: u32) -> f64 {
+    noise_of(p, seed, |cell| cell)
+}
+
+/// The noise whose gradients are those of the lattice points that `wrapped` takes others to.
+fn noise_of(p: DVec3, seed: u32, wrapped: impl Fn(DVec3) -> DVec3) -> f64 {
     let cell = p.floor();
     let f = p - cell;
     let fade = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
     let mut sum = 0.0;
     for corner in 0..8 {
         let offset = DVec3::new(f64::from(corner & 1), f64::from(corner >> 1 & 1), f64::from(corner >> 2));
-        let g = gradient(cell + offset, seed);
+        let g = gradient(wrapped(cell + offset), seed);
         let side = |axis: usize| if offset[axis] == 1.0 { fade[axis] } else { 1.0 - fade[axis] };
         sum += side(0) * side(1) * side(2) * g.dot(f - offset);
     }

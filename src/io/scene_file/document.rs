@@ -255,6 +255,7 @@ impl Document {
         self.solve.settle_light_map(self.light_map.texels());
         self.name.get_or_insert_with(|| stem(file));
         self.light.settle();
+        self.looks.settle();
         self.surroundings.iter_mut().for_each(Surroundings::settle);
         self.views.iter_mut().for_each(|view| view.camera.settle());
         self.animation.iter_mut().for_each(|animation| animation.settle(&self.views));

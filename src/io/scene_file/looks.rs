@@ -8,6 +8,7 @@ use crate::scene::{self, HoleNoise, Holes, Mesh, OccluderEditKind, Radius, Sway}
 use super::assets::Assets;
 use super::file_name::FileName;
 use super::flaw::{At, Built, Flaw, checked, within};
+use super::heterogeneity::Heterogeneity;
 use super::scene_text::SceneText;
 use super::transfer::Transfer;
 use super::view::view_number;
@@ -28,6 +29,9 @@ pub struct Looks {
     /// The colour of scattered light.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transfer: Option<Transfer>,
+    /// Irregular air.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heterogeneity: Option<Heterogeneity>,
 }
 
 /// An edit of the shadow map of the light.
@@ -158,6 +162,9 @@ impl Looks {
         if !own.transfer.is_empty() {
             mood.transfer = own.transfer;
         }
+        if !own.heterogeneity.is_empty() {
+            mood.heterogeneity = own.heterogeneity;
+        }
         Ok(mood)
     }
 
@@ -168,7 +175,15 @@ impl Looks {
         let edits = self.occluders.iter().enumerate();
         let edits = edits.map(|(i, edit)| edit.build(views, mesh).at(&format!("occluders[{i}]")));
         let transfer = transfer.map(|it| (1.0, it)).into_iter().collect();
-        Ok(scene::Looks { occluders: edits.collect::<Built<_>>()?, transfer })
+        let air = self.heterogeneity.as_ref();
+        let air = air.map(|it| it.build(views, assets).at("heterogeneity")).transpose()?;
+        let heterogeneity = air.map(|it| (1.0, it)).into_iter().collect();
+        Ok(scene::Looks { occluders: edits.collect::<Built<_>>()?, transfer, heterogeneity })
+    }
+
+    /// Puts in the settings that are not given.
+    pub(super) fn settle(&mut self) {
+        self.heterogeneity.iter_mut().for_each(Heterogeneity::settle);
     }
 }
 

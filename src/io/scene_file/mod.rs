@@ -14,6 +14,7 @@ mod exposure;
 mod file_name;
 mod flaw;
 mod gltf_node;
+mod heterogeneity;
 mod key_frames;
 mod light;
 mod light_animation;

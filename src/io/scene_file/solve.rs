@@ -339,7 +339,7 @@ fn time_limit(seconds: f64) -> Built<Duration> {
 }
 
 impl Quadrature {
-    fn build(self) -> Built<scene::Quadrature> {
+    pub(super) fn build(self) -> Built<scene::Quadrature> {
         Ok(match self {
             Self::Exact => scene::Quadrature::Exact,
             Self::March { steps } => {
