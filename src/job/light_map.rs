@@ -6,6 +6,7 @@ use glam::DVec2;
 use serde_json::json;
 
 use super::Options;
+use super::air::write_air;
 use super::checkpoint::Keeper;
 use super::compute::{Computed, ProblemSolve};
 use super::engine::Engine;
@@ -262,6 +263,7 @@ impl FoundLightMap {
             environment: write_sky((scene, exposure), folder, further)?,
             ..report::Pictures::default()
         };
+        write_air(&problem.maps, folder, prefix)?;
         let placement = Placement::of(&problem.maps).to_json()?;
         folder.write_bytes(&format!("{prefix}light_map.placement.json"), placement.as_bytes())?;
         Ok(in_page)

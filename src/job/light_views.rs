@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use super::air::write_air;
 use super::engine::Engine;
 use super::exposure::readable;
 use super::folder::Folder;
@@ -63,6 +64,7 @@ pub(super) fn draw(
             warnings::tell_of_panes(&maps);
             warnings::tell_of_air(scene, &maps.geometry);
         }
+        write_air(&maps, folder, prefix)?;
         let Some(views) = draw_views(scene, &maps, (texels, light), engine, steps)? else {
             return Ok(false);
         };

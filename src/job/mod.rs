@@ -9,6 +9,7 @@
 //! # Ok::<(), unscatter::Error>(())
 //! ```
 
+mod air;
 mod asked;
 mod checkpoint;
 mod compute;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde_json::json;
 
 use super::Options;
+use super::air::write_air;
 use super::checkpoint::Keeper;
 use super::compute::{Computed, ProblemSolve};
 use super::engine::Engine;
@@ -126,6 +127,7 @@ impl FoundTransfer {
         let views = self.pictures.iter().map(|view| view.write(folder, exposure));
         let views = views.collect::<Result<_>>()?;
         let png = folder.write_picture(FOUND, &self.table()?, 0.0)?;
+        write_air(&self.problem.pixels.maps, folder, "")?;
         folder.write_bytes("mood.json", mood(&self.problem.table)?.as_bytes())?;
         let [first, second] = self.problem.table.axes.map(axis_name);
         let found = FoundPicture {

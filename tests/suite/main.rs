@@ -18,6 +18,7 @@ mod demo_scenes;
 mod glass;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod heterogeneity;
 mod job;
 mod layers;
 mod licences;

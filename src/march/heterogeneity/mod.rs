@@ -175,6 +175,12 @@ impl HeterogeneityField {
         &self.grid
     }
 
+    /// Whether something is painted in the air, or all is baked.
+    pub fn is_painted(&self) -> bool {
+        self.baked.is_some()
+            || [&self.amount, &self.frequency, &self.intensity].map(Values::is_painted).contains(&true)
+    }
+
     /// The blend volumes by their names, and the one that they are baked into.
     ///
     /// Errors: those of [`Volume::new`].
