@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::engine::{Engine, On};
 use super::memory::MemoryBudget;
 use super::observer::Stop;
@@ -12,8 +14,8 @@ use super::{Job, Options};
 use crate::gpu::GpuOperator;
 use crate::operator::{CpuVector, FromHost, NOWHERE, OnHost, Picked, TransportOperator};
 use crate::problem::{
-    Backdrop, Begin, Canvas, Constraint, Formulation, LightMapProblem, Painting, Paused, Problem, Renderer,
-    Snapshot, Solved, Traced, TransferFunction, fit, minimize, paint, pixels, render,
+    Backdrop, Begin, Canvas, Constraint, Formulation, HeterogeneousAir, LightMapProblem, Painting, Paused,
+    Problem, Renderer, Snapshot, Solved, Traced, TransferFunction, fit, minimize, paint, pixels, render,
 };
 use crate::scene::{Camera, Extent, Image, MapSettings, Rgb, Scene, SolveSettings, Stroke, rgb};
 use crate::solve::{Control, StopReason};
@@ -180,6 +182,11 @@ impl LiveJob {
     /// Where the light map lies, which no stroke moves.
     pub fn extent(&self) -> Extent {
         self.problem.maps.light_map.extent
+    }
+
+    /// The heterogeneous air of the scene's looks.
+    pub fn air(&self) -> Option<&HeterogeneousAir> {
+        self.problem.maps.heterogeneity.as_deref()
     }
 
     /// The transfer function of the scene's looks.
@@ -611,6 +618,19 @@ impl LivePictures<'_> {
         (0..self.still.rows[view].len())
             .map(|pixel| self.painted(view, pixel).is_some_and(is_missed))
             .collect()
+    }
+
+    /// How far the first surface is straight ahead in the pixels of a view, in metres; infinite where there is none.
+    pub fn depths(&self, view: usize) -> Vec<f64> {
+        let LiveJob { scene, problem, .. } = self.live;
+        let camera = &scene.views[view].camera;
+        let width = camera.size()[0];
+        let ahead = |pixel: usize| {
+            let ray = camera.pixel_ray(pixel % width, pixel / width);
+            let hit = problem.maps.geometry.first_hit(&ray, f64::INFINITY);
+            hit.map_or(f64::INFINITY, |hit| hit.distance * ray.direction.dot(camera.ahead()))
+        };
+        (0..self.still.rows[view].len()).into_par_iter().map(ahead).collect()
     }
 
     /// The pixels of a view that light through the light map reaches: what paint can change.

@@ -7,7 +7,7 @@ use super::pictures::Seen;
 use super::setting::Setting;
 use crate::io::scene_file::Extent;
 use crate::job::{Job, LiveJob, LiveVolume, Options, Preview, Scenes};
-use crate::problem::TransferFunction;
+use crate::problem::{HeterogeneousAir, TransferFunction};
 use crate::scene::{Camera, Image, Rgb, Scene, Stroke, VolumeScene};
 use crate::{Error, Result};
 
@@ -241,6 +241,14 @@ impl Live {
     pub(super) fn transfer(&self) -> Option<&TransferFunction> {
         match self {
             Self::LightMap(live) => live.transfer(),
+            Self::Volume(_) => None,
+        }
+    }
+
+    /// The heterogeneous air of a scene of a light map.
+    pub(super) fn air(&self) -> Option<&HeterogeneousAir> {
+        match self {
+            Self::LightMap(live) => live.air(),
             Self::Volume(_) => None,
         }
     }

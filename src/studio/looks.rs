@@ -12,6 +12,7 @@ use crate::scene::Image;
 pub(super) fn tell(looks: &Value, rows: &Rows, screen: &mut Screen) {
     let Subject::LightMap(scene) = &rows.subject else { return };
     let transfer = rows.live.transfer().and_then(|function| function.tables().first());
+    let air = rows.live.air().and_then(|air| air.fields().first()).map(|(_, field)| field);
     screen.tell(&Told::Looks {
         looks,
         names: &rows.names,
@@ -19,6 +20,8 @@ pub(super) fn tell(looks: &Value, rows: &Rows, screen: &mut Screen) {
         metres_per_unit: rows.subject.metres_per_unit(),
         far: transfer.map(|table| table.far),
         places: transfer.map_or(&[], |table| &table.places),
+        air_size: air.map(|field| field.noise_size()),
+        air_voxel: air.map(|field| field.grid().voxel()),
     });
     if let Some(Ok(table)) = transfer.map(|table| Image::new(table.size, table.texels.clone())) {
         screen.show_transfer(&table);

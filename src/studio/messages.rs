@@ -70,6 +70,8 @@ pub(super) enum Kind {
     Free,
     /// The colours of a transfer function.
     Transfer,
+    /// How deep a view is, as 24 bits of a logarithm.
+    Depth,
 }
 
 /// How far a picture is.
@@ -196,6 +198,9 @@ pub(super) enum Told<'a> {
         far: Option<f64>,
         /// Where the points of each of its layers are on its axes.
         places: &'a [Vec<[f64; 2]>],
+        /// The side of a cube of the air's noise and of a voxel that is painted, in metres.
+        air_size: Option<f64>,
+        air_voxel: Option<f64>,
     },
     /// What is seen at a pixel; no number where nothing is.
     Seen {

@@ -8,6 +8,7 @@ macro_rules! files {
 
 files!(
     "actions.js",
+    "air.js",
     "brush.js",
     "camera.js",
     "canvas.js",
@@ -24,6 +25,7 @@ files!(
     "overlay.js",
     "palette.js",
     "picker.js",
+    "plane.js",
     "pointer.js",
     "points.js",
     "select.js",

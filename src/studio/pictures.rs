@@ -23,7 +23,7 @@ impl Seen<'_> {
     fn has(&self, kind: Kind) -> bool {
         match kind {
             Kind::LightMap | Kind::Free | Kind::Transfer => false,
-            Kind::Coverage | Kind::Conflict => matches!(self, Self::LightMap(_)),
+            Kind::Coverage | Kind::Conflict | Kind::Depth => matches!(self, Self::LightMap(_)),
             Kind::After | Kind::Before | Kind::Target | Kind::Difference => true,
         }
     }
@@ -114,6 +114,7 @@ fn preview_of(
         Kind::Difference => rgba_bytes(&pictures.difference(view), exposure),
         Kind::Coverage => mask(pictures.reached(view).into_iter().map(|is_lit| !is_lit)),
         Kind::Conflict => mask(pictures.contested(view).into_iter()),
+        Kind::Depth => depths(&pictures.depths(view)),
         Kind::Before | Kind::LightMap | Kind::Free | Kind::Transfer => rgba_bytes(before, exposure),
     };
     (Stage::Preview, before.size(), bytes)
@@ -134,6 +135,20 @@ fn preview_of_volume(
         _ => rgba_bytes(before, exposure),
     };
     (Stage::Preview, before.size(), bytes)
+}
+
+/// Depths in red, green and blue: log₂ from −64 to 64 as 24 bits, the largest where there is no surface.
+fn depths(depths: &[f64]) -> Vec<u8> {
+    const NOTHING: u32 = (1 << 24) - 1;
+    let code = |depth: &f64| match depth.is_finite() {
+        true => ((depth.log2().clamp(-64.0, 64.0) + 64.0) / 128.0 * f64::from(NOTHING - 1)) as u32,
+        false => NOTHING,
+    };
+    depths
+        .iter()
+        .map(code)
+        .flat_map(|code| [(code >> 16) as u8, (code >> 8) as u8, code as u8, 255])
+        .collect()
 }
 
 /// Black pixels, as alpha.

@@ -60,7 +60,7 @@ impl Changes {
         match kind {
             Kind::After | Kind::Difference | Kind::Conflict | Kind::LightMap => true,
             Kind::Target => self != Self::Light,
-            Kind::Before | Kind::Coverage => self == Self::All,
+            Kind::Before | Kind::Coverage | Kind::Depth => self == Self::All,
             // Drawn when it is asked for, or when looks are told.
             Kind::Free | Kind::Transfer => false,
         }

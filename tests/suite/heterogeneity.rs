@@ -156,7 +156,7 @@ fn fewer_steps_and_rays_come_near_the_exact_picture() {
     let [few, some, many] = [4, 16, 64].map(|steps| error(&picture(&march(steps), 1), &exact));
     assert!(many < some && some < few && many < 5e-3, "{few}, {some}, {many}");
     let [fine, coarse] = [2, 8].map(|upsample| error(&picture(r#""exact""#, upsample), &exact));
-    assert!(fine < coarse && fine < 0.01 && coarse < error(&plain, &exact), "{fine}, {coarse}");
+    assert!(3.0 * fine < coarse && coarse < error(&plain, &exact), "{fine}, {coarse}");
 }
 
 /// What a job writes as OpenVDB is the same air when a scene names it.

@@ -170,6 +170,11 @@ impl HeterogeneityField {
         sum
     }
 
+    /// The side of the cube of noise, in metres.
+    pub fn noise_size(&self) -> f64 {
+        self.noise.voxel(self.noise.last_level())
+    }
+
     /// The box of the blend volumes, in voxels.
     pub fn grid(&self) -> &AirGrid {
         &self.grid

@@ -70,6 +70,11 @@ function drawMarksOf(place) {
       drawPoint(marks, x, y, point, isInHand(layer, number));
     }
   }
+  const veil = state.asks?.veil?.(view);
+  if (veil) {
+    const [width, height] = state.views[view].size;
+    marks.drawImage(veil, place.x, place.y, width * place.scale, height * place.scale);
+  }
   if (state.selection?.view === view && !state.draft) drawSelected(marks, selectedStroke(), place);
 }
 
@@ -86,6 +91,8 @@ function drawUnderWay(place) {
     live.globalAlpha = 1;
     drawPaint(live, state.draft.stroke, place);
   }
+  const inAir = state.asks?.path?.(place.view);
+  if (inAir) drawPaint(live, inAir, place);
   if (state.live?.view === place.view) {
     drawPaint(live, strokeUnderWay(state.live), place);
   }
@@ -151,18 +158,22 @@ function drawPointer() {
     const place = activePane();
     if (place) drawRing(place, place.box.x + place.box.width / 2, place.box.y + place.box.height / 2);
   }
-  if (!pointer || state.spaceHeld || pointer.isOnWipe || state.asks) return;
+  if (!pointer || state.spaceHeld || pointer.isOnWipe) return;
   const place = paneAt(pointer);
   if (!place) return;
+  if (state.asks) {
+    if (state.asks.ring) drawRing(place, pointer.x, pointer.y, state.asks.ring(place.view));
+    return;
+  }
   if (state.tool === 'pick' || state.altHeld) drawLoupe(pointer);
   else if (state.tool !== 'select' || isSizing) drawRing(place, pointer.x, pointer.y);
 }
 
 // The edge of the paint, and fainter the edge of its full strength.
-function drawRing(place, x, y) {
-  const paint = paintInHand();
+function drawRing(place, x, y, ring = null) {
+  const paint = ring ?? paintInHand();
   const radius = paint.radius * place.scale;
-  const hardness = hardnessOf(paint);
+  const hardness = ring ? ring.hardness : hardnessOf(paint);
   twoTone(live, 1.25, () => live.arc(x, y, Math.max(2, radius), 0, 2 * Math.PI));
   if (radius * hardness > 4 && radius * (1 - hardness) > 3) {
     live.beginPath();
@@ -187,7 +198,8 @@ listen('camera scene strokes groups selection marks seeing view looks', redrawMa
 listen('picture', ({ kind }) => {
   if (kind === 'after') redrawMarks();
 });
-listen('brush tool wipe pointer live asks', redrawLive);
+listen('brush tool wipe pointer live asks air', redrawLive);
+listen('asks', redrawMarks);
 listen('brush', (change) => {
   if (!change || !('radius' in change || 'hardness' in change)) return;
   sizeShownUntil = performance.now() + SIZE_SHOWN_MS;

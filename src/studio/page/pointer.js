@@ -221,7 +221,8 @@ function wheel(event) {
   const amount = event.deltaY * lines;
   const place = paneAt(pointOf(event));
   if (!place || amount === 0) return;
-  if (state.free) dolly(Math.exp(amount * (Math.abs(amount) < 40 ? 0.005 : 0.0012)));
+  if (state.asks?.slide && event.altKey) state.asks.slide(-amount / 100);
+  else if (state.free) dolly(Math.exp(amount * (Math.abs(amount) < 40 ? 0.005 : 0.0012)));
   else if (event.ctrlKey || event.metaKey) {
     // A pinch comes as small steps, a wheel as large ones.
     zoomAt(place, pointOf(event), Math.exp(-amount * (Math.abs(amount) < 40 ? 0.01 : 0.002)));

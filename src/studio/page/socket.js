@@ -201,6 +201,7 @@ function watch() {
   if (state.showsReach) pictures.push('coverage');
   if (state.showsConflicts) pictures.push('conflict');
   if (state.showsLightMap) pictures.push('light_map');
+  if (state.asks?.veil) pictures.push('depth');
   if (watched === `${pictures}` || !isOpen()) return;
   watched = `${pictures}`;
   send({ type: 'watch', pictures });
@@ -210,4 +211,4 @@ export function sendExposure() {
   send({ type: 'exposure', value: state.baseExposure * 2 ** state.stops });
 }
 
-listen('seeing', watch);
+listen('seeing asks', watch);
