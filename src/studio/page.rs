@@ -36,6 +36,7 @@ files!(
     "strokes.js",
     "studio.css",
     "studio.js",
+    "surfaces.js",
     "table.js",
     "toasts.js",
     "tools.js",

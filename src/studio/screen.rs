@@ -13,7 +13,7 @@ use crate::io::image::rgba_bytes;
 use crate::scene::{Image, Rgb};
 
 /// All that pages may watch, in the order in which it is sent.
-const KINDS: [Kind; 7] = [
+const KINDS: [Kind; 8] = [
     Kind::After,
     Kind::Before,
     Kind::Target,
@@ -21,6 +21,7 @@ const KINDS: [Kind; 7] = [
     Kind::Coverage,
     Kind::Conflict,
     Kind::LightMap,
+    Kind::Depth,
 ];
 /// Pictures of a preview follow each other at least so far apart, once the first is there.
 const APART: Duration = Duration::from_millis(120);

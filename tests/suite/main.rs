@@ -38,6 +38,7 @@ mod studio_looks;
 mod suns;
 mod surroundings;
 mod threads;
+mod together;
 #[path = "../tolerances.rs"]
 mod tolerances;
 mod transfer;

@@ -93,6 +93,49 @@ fn looks_are_shown_and_saved_as_the_command_finds_them() {
     assert!(saved.ends_with("\"looks\": {}\n}"), "{}", &saved[map..]);
 }
 
+/// A page paints in the air as a person does: on a plane, stroke by stroke.
+#[test]
+fn painted_air_is_saved_and_comes_back_as_the_same_picture() {
+    let opened = open(citadel());
+    let mut page = opened.page();
+    page.until("the full resolution", Page::is_done);
+    page.say(json!({ "type": "watch", "pictures": ["after", "depth"] }));
+    page.until("the depths", |page| page.picture("depth", 0).is_some());
+    // The sky has none, the wall some metres.
+    let depths = page.picture("depth", 0).unwrap().pixels.clone();
+    let code = |pixel: &[u8]| u32::from_be_bytes([0, pixel[0], pixel[1], pixel[2]]);
+    let depth = |code: u32| (f64::from(code) / f64::from((1 << 24) - 2) * 128.0 - 64.0).exp2();
+    let codes: Vec<u32> = depths.chunks(4).map(code).collect();
+    assert!(codes.contains(&((1 << 24) - 1)));
+    assert!(codes.iter().filter(|&&code| (2.0..80.0).contains(&depth(code))).count() > codes.len() / 2);
+    let mut strokes = Vec::new();
+    let mut shown = Vec::new();
+    for (value, distance) in [(json!(3), 12), (json!(0.2), 18)] {
+        strokes.push(json!({ "value": value, "view": "court", "distance": distance,
+            "pixels": [[150, 200], [260, 190]], "radius": 2.5, "opacity": 0.9, "hardness": 0.4 }));
+        look(&mut page, &json!({ "heterogeneity": { "intensity": { "strokes": strokes } } }), false);
+        shown.push(full(&mut page));
+        let told = page.last("looks").unwrap();
+        assert!(told["air_size"].as_f64().unwrap() > 1.0 && told["air_voxel"].as_f64().unwrap() > 0.1);
+    }
+    assert_ne!(shown[0], shown[1]);
+    let exposure = page.last("hello").unwrap()["exposure"].as_f64().unwrap();
+    let saved: Value = serde_json::from_str(&save(&mut page, &opened)).unwrap();
+    assert_eq!(saved["looks"]["heterogeneity"]["intensity"]["strokes"], json!(strokes));
+    let found = Job::open(opened.scene()).unwrap().solve(&mut Quiet).unwrap();
+    assert_eq!(
+        shown[1],
+        screen(&found.picture("court").unwrap(), exposure),
+        "the saved scene is another picture"
+    );
+    // A stroke in the air beside all that is seen is refused, and the picture stays.
+    let away = json!({ "heterogeneity": { "intensity": { "strokes": [{ "value": 1, "view": "court", "distance": 5000, "pixels": [[9, 9]], "radius": 1 }] } } });
+    page.say(json!({ "type": "looks", "looks": away, "goes_on": false }));
+    page.until("the refusal", |page| {
+        page.last("notice").is_some_and(|it| it["text"].as_str().unwrap().contains("strokes[0]"))
+    });
+}
+
 #[test]
 fn what_cannot_be_a_look_is_told_and_changes_nothing() {
     let opened = open(citadel());

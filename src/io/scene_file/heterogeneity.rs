@@ -33,11 +33,11 @@ pub struct Heterogeneity {
     /// What makes it irregular.
     pub noise: Noise,
     /// How much of the noise there is, from 0 to 1; 1 where nothing is said.
-    pub amount: Blend,
+    pub amount: BlendVolume,
     /// At which level of detail the noise is looked up: 0 is all of it, and each level has half the frequencies of the one before. 0 where nothing is said.
-    pub frequency: Blend,
+    pub frequency: BlendVolume,
     /// A factor of what the air scatters, 1 where nothing is said.
-    pub intensity: Blend,
+    pub intensity: BlendVolume,
     /// The box in which something may be painted, in units of the scene; what the views see when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bounds: Option<Box3>,
@@ -76,7 +76,7 @@ pub struct Noise {
 /// Values in the air: `base` everywhere, in its place a file, and strokes over that.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Blend {
+pub struct BlendVolume {
     /// What is everywhere.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base: Option<f64>,
@@ -146,9 +146,9 @@ impl Default for Heterogeneity {
     fn default() -> Self {
         Self {
             noise: Noise::default(),
-            amount: Blend::default(),
-            frequency: Blend::default(),
-            intensity: Blend::default(),
+            amount: BlendVolume::default(),
+            frequency: BlendVolume::default(),
+            intensity: BlendVolume::default(),
             bounds: None,
             voxels: 64,
             quadrature: Quadrature::March { steps: 64 },
@@ -168,7 +168,8 @@ impl Heterogeneity {
     pub(super) fn build(&self, views: &[scene::View], assets: &Assets) -> Built<scene::Heterogeneity> {
         let noise = self.noise.build().at("noise")?;
         let levels = f64::from(noise.voxels.ilog2());
-        let blend = |name: &str, blend: &Blend, range: [f64; 2]| blend.build(range, views, assets).at(name);
+        let blend =
+            |name: &str, blend: &BlendVolume, range: [f64; 2]| blend.build(range, views, assets).at(name);
         Ok(scene::Heterogeneity {
             blends: scene::Blends {
                 amount: blend("amount", &self.amount, [AMOUNT, 1.0])?,
@@ -225,7 +226,7 @@ impl Noise {
     }
 }
 
-impl Blend {
+impl BlendVolume {
     /// `base` is what is everywhere where nothing is said, `most` the largest value.
     fn build(
         &self,

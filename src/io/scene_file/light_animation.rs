@@ -102,6 +102,7 @@ impl LightAnimation {
         self.light_map = Some(self.light_maps(views));
         for key in &mut self.keys {
             key.light.iter_mut().for_each(Light::settle);
+            key.looks.iter_mut().for_each(Looks::settle);
             key.views.iter_mut().filter_map(|view| view.camera.as_mut()).for_each(Camera::settle);
         }
     }

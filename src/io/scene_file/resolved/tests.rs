@@ -34,12 +34,17 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     // Fitted to the scene.
     ("LightMap", &["extent", "size"]),
     ("ShadowMap", &["extent"]),
+    // Fitted to what the views see, and baked on request.
+    ("Heterogeneity", &["bounds", "bake"]),
+    ("Noise", &["size"]),
+    ("BlendVolume", &["file", "grid"]),
+    ("AirStroke", &["value", "view", "distance", "pixels", "points", "normal", "depth"]),
     // One of two, and only lines go towards a view.
     ("Fill", &["length", "view"]),
     ("Extrude", &["texels"]),
     // One way of saying where.
     ("TransferPoint", &["at", "view", "pixel", "triangle", "corners"]),
-    ("Looks", &["file", "transfer"]),
+    ("Looks", &["file", "transfer", "heterogeneity"]),
     // As far as the views see.
     ("Transfer", &["far"]),
     // No limits; what follows from the medium of a painted volume; and the memory of the machine.
@@ -100,7 +105,13 @@ const LIGHT_MAP: &str = r##"{
   ], "transfer": { "far": 20, "layers": [
     { "solid": { "color": "#ffeedd" } }, { "gradient": { "along": "depth", "from": "#fff", "to": "#888" } }, { "image": { "file": "@paint.png" } },
     { "diffusion": { "points": [{ "color": "#f80", "at": [0.1, 0.2] }, { "color": "#08f", "view": "front", "pixel": [3, 4] }] } }
-  ] } },
+  ] }, "heterogeneity": {
+    "amount": { "file": "@smoke.vdb", "grid": "density" }, "bounds": { "min": [0, 0, 0], "max": [4, 4, 4] },
+    "intensity": { "strokes": [
+      { "value": 2, "view": "front", "distance": 3, "pixels": [[8, 8]], "radius": 1 },
+      { "erase": true, "points": [[1, 1, 1]], "normal": [0, 0, 1], "radius": 1, "depth": 2 }
+    ] }
+  } },
   "light_map": { "extent": { "min": [-2, -1], "max": [2, 1] } },
   "solve": { "quadrature": { "march": { "steps": 64 } } }
 }"##;
