@@ -99,7 +99,8 @@ impl Default for SurfaceLight {
 impl SurfaceLight {
     pub(super) fn build(&self, assets: &Assets) -> Built<scene::SurfaceLight> {
         let environment = self.environment.as_ref().map(|it| it.build(assets).at("environment"));
-        let radius = |radius| checked("radius", radius, "above 0, and at most 1e9", |it| it > 0.0 && it <= 1e9);
+        let radius =
+            |radius| checked("radius", radius, "above 0, and at most 1e9", |it| it > 0.0 && it <= 1e9);
         Ok(scene::SurfaceLight {
             environment: environment.transpose()?,
             method: match self.method {
@@ -140,7 +141,8 @@ impl SurfaceEnvironment {
         if self.radiance.is_none() && self.file.is_none() {
             return Err(Flaw::new("", "say what light it is: a `radiance`, or a `file`"));
         }
-        let light = Environment { radiance: self.radiance, file: self.file.clone(), ..Environment::default() };
+        let light =
+            Environment { radiance: self.radiance, file: self.file.clone(), ..Environment::default() };
         light.build(assets)
     }
 }

@@ -18,6 +18,8 @@ pub(super) struct GeometryBuffer<'c> {
 pub(super) struct Surface {
     /// Along the pixel's ray, in metres.
     pub(super) distance: f32,
+    /// Where it is, from the eye, in metres.
+    pub(super) from_eye: Vec3,
     /// Of unit length, on the side that is seen.
     pub(super) normal: Vec3,
 }
@@ -29,7 +31,11 @@ impl<'c> GeometryBuffer<'c> {
         let surface = |index: usize| {
             let ray = camera.pixel_ray(index % width, index / width);
             let hit = geometry.first_hit(&ray, f64::INFINITY)?;
-            Some(Surface { distance: hit.distance as f32, normal: hit.normal.as_vec3() })
+            Some(Surface {
+                distance: hit.distance as f32,
+                from_eye: (ray.direction * hit.distance).as_vec3(),
+                normal: hit.normal.as_vec3(),
+            })
         };
         Self { camera, pixels: (0..width * height).into_par_iter().map(surface).collect() }
     }
@@ -46,10 +52,9 @@ impl<'c> GeometryBuffer<'c> {
         self.pixels[index].as_ref()
     }
 
-    /// Where a pixel's surface is, in world space.
-    pub(super) fn point(&self, index: usize, surface: &Surface) -> DVec3 {
-        let width = self.width();
-        self.camera.pixel_ray(index % width, index / width).at(f64::from(surface.distance))
+    /// Where a surface is, in world space.
+    pub(super) fn point(&self, surface: &Surface) -> DVec3 {
+        self.camera.position() + surface.from_eye.as_dvec3()
     }
 
     /// How far the eye sees towards a point, in metres: up to the plane of the surface that its pixel shows, so that a plane hides nothing of itself however
@@ -66,7 +71,7 @@ impl<'c> GeometryBuffer<'c> {
         let normal = surface.normal.as_dvec3();
         let towards = (point - self.camera.position()).normalize_or_zero();
         let across = normal.dot(towards);
-        let plane = distance * normal.dot(self.camera.pixel_ray(x, y).direction) / across;
+        let plane = normal.dot(surface.from_eye.as_dvec3()) / across;
         // Beside a rim that is seen from the side its plane is anywhere.
         let is_near = across < 0.0 && plane > 0.5 * distance && plane < 2.0 * distance;
         Some(if is_near { plane } else { distance })

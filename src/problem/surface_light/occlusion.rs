@@ -22,7 +22,7 @@ pub(super) fn openness(buffer: &GeometryBuffer, light: &SurfaceLight, radius: f6
         let Some(surface) = buffer.at(index) else { return Openness::WHOLE };
         let set = pattern.of_pixel(index % width, index / width);
         let march = March { buffer, radius, steps: light.steps, offset: set.offset };
-        let point = buffer.point(index, surface);
+        let point = buffer.point(surface);
         Openness::of(&set.directions, surface.normal.as_dvec3(), |direction| march.along(point, direction))
     };
     (0..buffer.len()).into_par_iter().map(of_pixel).collect()

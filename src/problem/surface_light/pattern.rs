@@ -32,7 +32,10 @@ impl Pattern {
             let turn = (index as f64 + 0.5) / count as f64;
             let shift = radical_inverse(index, 2) + 0.5 / count as f64;
             let offset = radical_inverse(index, 3) + 0.5 / count as f64;
-            DirectionSet { directions: hemisphere(samples, weighting, [turn, shift.fract()]), offset: offset.fract() }
+            DirectionSet {
+                directions: hemisphere(samples, weighting, [turn, shift.fract()]),
+                offset: offset.fract(),
+            }
         };
         Self { side, sets: (0..count).map(set).collect() }
     }
