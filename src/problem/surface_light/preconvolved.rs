@@ -64,31 +64,34 @@ impl PreconvolvedLight {
 
 /// Where a direction lies between four texels.
 struct Place {
-    columns: [usize; 2],
-    rows: [usize; 2],
+    /// Columns and rows of the upper two, then of the lower two.
+    texels: [[[usize; 2]; 2]; 2],
     between: [f32; 2],
 }
 
 impl Place {
-    /// Around the seam, and no farther than the first and the last row.
+    /// Around the seam and over the poles.
     fn of(towards: DVec3) -> Self {
-        let [width, height] = SIZE;
+        let [width, height] = SIZE.map(|side| side as isize);
         let across = (towards.x.atan2(-towards.z) / TAU + 0.5) * width as f64 - 0.5;
         let down = towards.y.clamp(-1.0, 1.0).acos() / PI * height as f64 - 0.5;
-        let down = down.clamp(0.0, (height - 1) as f64);
-        let left = across.floor();
-        let column = (left as isize).rem_euclid(width as isize) as usize;
-        let top = (down as usize).min(height - 2);
+        let (left, top) = (across.floor(), down.floor());
+        // Beyond a pole lies the other side.
+        let texel = |column: isize, row: isize| {
+            let inside = row.clamp(0, height - 1);
+            let turned = if inside == row { column } else { column + width / 2 };
+            [turned.rem_euclid(width) as usize, inside as usize]
+        };
+        let (column, row) = (left as isize, top as isize);
         Self {
-            columns: [column, (column + 1) % width],
-            rows: [top, top + 1],
-            between: [(across - left) as f32, (down - top as f64) as f32],
+            texels: [row, row + 1].map(|row| [column, column + 1].map(|column| texel(column, row))),
+            between: [(across - left) as f32, (down - top) as f32],
         }
     }
 
     fn look_up(&self, picture: &Image) -> Rgb {
         let [x, y] = self.between;
-        let [[a, b], [c, d]] = self.rows.map(|row| self.columns.map(|column| picture.at(column, row)));
+        let [[a, b], [c, d]] = self.texels.map(|row| row.map(|[column, row]| picture.at(column, row)));
         rgb(|i| (1.0 - y) * (a[i] + x * (b[i] - a[i])) + y * (c[i] + x * (d[i] - c[i])))
     }
 }

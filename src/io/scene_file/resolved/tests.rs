@@ -40,6 +40,9 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     // One way of saying where.
     ("TransferPoint", &["at", "view", "pixel", "triangle", "corners"]),
     ("Looks", &["file", "transfer"]),
+    // The ambient light; fitted to the scene, or as far as rays go.
+    ("SurfaceLight", &["environment", "radius"]),
+    ("SurfaceEnvironment", &["file"]),
     // As far as the views see.
     ("Transfer", &["far"]),
     // No limits; what follows from the medium of a painted volume; and the memory of the machine.
@@ -100,7 +103,7 @@ const LIGHT_MAP: &str = r##"{
   ], "transfer": { "far": 20, "layers": [
     { "solid": { "color": "#ffeedd" } }, { "gradient": { "along": "depth", "from": "#fff", "to": "#888" } }, { "image": { "file": "@paint.png" } },
     { "diffusion": { "points": [{ "color": "#f80", "at": [0.1, 0.2] }, { "color": "#08f", "view": "front", "pixel": [3, 4] }] } }
-  ] } },
+  ] }, "surfaces": { "environment": { "file": "@sky.hdr" } } },
   "light_map": { "extent": { "min": [-2, -1], "max": [2, 1] } },
   "solve": { "quadrature": { "march": { "steps": 64 } } }
 }"##;
