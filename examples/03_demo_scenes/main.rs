@@ -18,6 +18,7 @@ mod canvas;
 mod chapel;
 mod citadel;
 mod cloud;
+mod evening;
 mod forest;
 mod glass;
 mod glb;
@@ -34,6 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&folder)?;
     std::fs::write(folder.join("forest.glb"), forest::model()?)?;
     std::fs::write(folder.join("chapel.glb"), chapel::windows()?)?;
+    evening::write(&folder.join("evening.exr"))?;
     let demos = [
         // As many pixels as Kol 2017, fig. 17.
         Demo {

@@ -392,7 +392,7 @@ pub(crate) struct RenderArguments {
     /// Draws one part of the light alone: `scattering` is what the fog scatters of the sun, which paint is about.
     #[arg(long, value_name = "PART")]
     pub(crate) only: Option<OnlyLight>,
-    /// Leaves looks of the scene out, to compare: fill, extrude, pierce, transfer, heterogeneity, or all; separated by commas.
+    /// Leaves looks of the scene out, to compare: fill, extrude, pierce, transfer, heterogeneity, surfaces, or all; separated by commas.
     #[arg(long, value_name = "LOOKS", value_delimiter = ',')]
     pub(crate) without: Vec<LookName>,
     /// Pictures of a volume from all around, beside its views.
@@ -425,6 +425,8 @@ pub(crate) enum LookName {
     Transfer,
     /// Irregular air.
     Heterogeneity,
+    /// Light from everywhere on surfaces.
+    Surfaces,
     /// All of them.
     All,
 }
@@ -438,7 +440,15 @@ impl LookName {
             Self::Pierce => &[Look::Pierce],
             Self::Transfer => &[Look::Transfer],
             Self::Heterogeneity => &[Look::Heterogeneity],
-            Self::All => &[Look::Fill, Look::Extrude, Look::Pierce, Look::Transfer, Look::Heterogeneity],
+            Self::Surfaces => &[Look::Surfaces],
+            Self::All => &[
+                Look::Fill,
+                Look::Extrude,
+                Look::Pierce,
+                Look::Transfer,
+                Look::Heterogeneity,
+                Look::Surfaces,
+            ],
         }
     }
 }

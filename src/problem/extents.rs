@@ -4,6 +4,7 @@ use super::heterogeneity::HeterogeneousAir;
 use super::scattered::Scattered;
 use super::sight::{Sight, grid, occluded, seen_and_occluded};
 use super::sky::sky_beams;
+use super::surface_light::LitSurfaces;
 use super::surfaces::lengths;
 use super::transfer::{Tinted, TransferFunction};
 use super::{Constraint, SkyBeam, Surfaces, Traced};
@@ -29,6 +30,8 @@ pub struct Maps {
     pub transfer: Option<Arc<TransferFunction>>,
     /// What makes the air scatter more or less light along a ray; none where it is even.
     pub heterogeneity: Option<Arc<HeterogeneousAir>>,
+    /// Light from everywhere on surfaces; none where it is the ambient light alone.
+    pub surface_light: Option<Arc<LitSurfaces>>,
 }
 
 impl Maps {
@@ -125,7 +128,8 @@ pub(super) fn fit_to(
     let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };
     let transfer = TransferFunction::of(scene, geometry, (&frame, &shadow_map))?.map(Arc::new);
     let heterogeneity = HeterogeneousAir::of(scene, geometry)?.map(Arc::new);
+    let surface_light = LitSurfaces::of(scene, geometry)?.map(Arc::new);
     let geometry = geometry.clone();
     let shadow_map = Arc::new(shadow_map);
-    Ok(Maps { geometry, frame, light_map, shadow_map, sky, transfer, heterogeneity })
+    Ok(Maps { geometry, frame, light_map, shadow_map, sky, transfer, heterogeneity, surface_light })
 }

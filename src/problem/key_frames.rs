@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use super::fit;
 use super::heterogeneity::FittedAir;
+use super::surface_light::fitted_radius;
 use super::transfer::seen_far;
 use crate::Result;
-use crate::scene::{AnimatedScene, Extent, LightMaps, Scene};
+use crate::scene::{AnimatedScene, Extent, LightMaps, Scene, SurfaceMethod};
 use crate::visibility::Geometry;
 
 /// The animation with what follows from all key frames together put in where none of them says it: the far end of transfer functions, which is as far as the views
-/// of all keys see, where heterogeneous air lies, and the extent of the light maps, in the frame of the light, which holds those that are looked for. `geometry` is the
+/// of all keys see, where heterogeneous air lies, how far occluders of surfaces count, and the extent of the light maps, in the frame of the light, which holds those that are looked for. `geometry` is the
 /// hierarchy over the triangles.
 ///
 /// Errors: those of [`fit`].
@@ -32,6 +33,14 @@ pub fn settle_key_frames(animated: &AnimatedScene, geometry: &Arc<Geometry>) -> 
         for (_, air) in keys.iter_mut().flat_map(|key| &mut key.scene.looks.heterogeneity) {
             let (bounds, size) = fitted.of(air);
             (air.bounds, air.noise.size) = (Some(bounds), Some(size));
+        }
+    }
+    if keys.iter().any(|key| !key.scene.looks.surfaces.is_empty()) {
+        let fitted = fitted_radius(keys.iter().map(|key| &key.scene), geometry);
+        for (_, light) in keys.iter_mut().flat_map(|key| &mut key.scene.looks.surfaces) {
+            if light.method != SurfaceMethod::Rays {
+                light.radius.get_or_insert(fitted);
+            }
         }
     }
     let mut extent: Option<Extent> = None;

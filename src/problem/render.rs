@@ -88,6 +88,8 @@ impl<'a> Renderer<'a> {
         };
         let scattering = Scattering::new(canvas, light, maps)?;
         let air = maps.heterogeneity.as_ref().map(|air| air.over_picture(camera, &maps.geometry));
+        let surface_light = maps.surface_light.as_ref().filter(|_| self.light == DrawnLight::All);
+        let arriving = surface_light.map(|light| light.arriving(camera, &maps.geometry));
         let [width, height] = camera.size();
         let mut pixels: Vec<[Rgb; 2]> = Vec::with_capacity(width * height);
         for first in (0..width * height).step_by(canvas.pixels_at_once()) {
@@ -99,7 +101,8 @@ impl<'a> Renderer<'a> {
             let air = |row: usize, ray: &Ray, length: f64| {
                 air.as_ref().map_or(1.0, |air| air.factor(first + row, ray, length))
             };
-            pixels.append(&mut self.pixels(&seen, &air, &scattering)?);
+            let arriving = arriving.as_ref().map(|arriving| &arriving[first..]);
+            pixels.append(&mut self.pixels(&seen, arriving, &air, &scattering)?);
         }
         let picture = |which: usize| {
             let pixels = pixels.par_iter().map(|pixel| pixel[which]).collect();
@@ -108,10 +111,11 @@ impl<'a> Renderer<'a> {
         Ok(Rendering { before: picture(0)?, after: picture(1)? })
     }
 
-    /// Before and after of some pixels, whose rays are through air of these factors.
+    /// Before and after of some pixels, at whose surfaces such light arrives in the place of the ambient light, and whose rays are through air of these factors.
     fn pixels(
         &self,
         seen: &[Seen],
+        arriving: Option<&[Rgb]>,
         air: &(dyn Fn(usize, &Ray, f64) -> f64 + Sync),
         scattering: &Scattering,
     ) -> Result<Vec<[Rgb; 2]>> {
@@ -141,7 +145,8 @@ impl<'a> Renderer<'a> {
             match self.light {
                 DrawnLight::Scattered => [plain, rgb(|c| plain[c] + change[c] + changed_outside[c])],
                 DrawnLight::All => {
-                    let [before, surface, around] = self.beside(&seen[row], plain);
+                    let [before, surface, around] =
+                        self.beside(&seen[row], arriving.map(|it| it[row]), plain);
                     [before, rgb(|c| before[c] + change[c] + surface[c] + changed_outside[c] + around[c])]
                 }
             }
@@ -151,18 +156,18 @@ impl<'a> Renderer<'a> {
 
     /// All that a pixel shows before, what of it the medium scatters of the sun being known; and what a light map changes of the sun on
     /// its surface, and of the sky.
-    fn beside(&self, seen: &Seen, scattered: Rgb) -> [Rgb; 3] {
+    fn beside(&self, seen: &Seen, arriving: Option<Rgb>, scattered: Rgb) -> [Rgb; 3] {
         let Self { scene, maps, changed, .. } = self;
         let start = scene.light.radiance;
         let sky =
             scene.surroundings.as_ref().and_then(|it| it.sky.as_ref()).map_or(&[][..], |sky| &sky.start);
         let changed_sky = changed.as_ref().map_or(&[][..], |it| &it.sky);
-        let of_ambient = seen.of_ambient(scene);
+        let ambient = seen.under_ambient(scene, scene.ambient, arriving);
         let sun = seen.reflected(scene, maps, -scene.light.direction);
         let of_sky = OfSky::new(scene, maps, seen, [sky, changed_sky]);
         let around = of_sky.shown(sky);
         let before = rgb(|c| {
-            let known = scene.ambient[c] * of_ambient[c] + scattered[c];
+            let known = ambient[c] + scattered[c];
             known + sun.map_or(0.0, |(_, share)| share[c] * start[c]) + around[c]
         });
         let Some(changed) = changed else { return [before, [0.0; 3], [0.0; 3]] };

@@ -56,8 +56,17 @@ impl Seen {
         Some((point, rgb(|c| (f64::from(hit.albedo[c]) * cosine / PI * on_the_way(c)) as f32)))
     }
 
-    /// Radiance of medium and surface per radiance of light that is the same from everywhere and meets nothing on its way.
-    pub(super) fn of_ambient(&self, scene: &Scene) -> Rgb {
+    /// Radiance of medium and surface under light that is the same from everywhere and meets nothing on its way; on the surface another light may arrive in its place.
+    pub(super) fn under_ambient(&self, scene: &Scene, ambient: Rgb, arriving: Option<Rgb>) -> Rgb {
+        let [of_medium, of_surface, of_both] = self.of_ambient(scene);
+        match arriving {
+            None => rgb(|c| ambient[c] * of_both[c]),
+            Some(arriving) => rgb(|c| ambient[c] * of_medium[c] + arriving[c] * of_surface[c]),
+        }
+    }
+
+    /// Radiance of the medium, of the surface and of both per radiance of light that arrives there.
+    fn of_ambient(&self, scene: &Scene) -> [Rgb; 3] {
         let transmittance = self.hit.map_or([0.0; 3], |hit| scene.medium.transmittance(hit.distance));
         // A pane takes away a part of all that is behind it.
         let taken = |c: usize| {
@@ -69,11 +78,15 @@ impl Seen {
             taken.sum::<f64>()
         };
         let passes = self.passes();
-        rgb(|c| {
-            let surface = self.hit.map_or(0.0, |hit| passes[c] as f32 * hit.albedo[c]);
-            let medium = scene.medium.albedo[c] as f32;
-            medium * (1.0 - taken(c) as f32) + transmittance[c] as f32 * (surface - medium)
-        })
+        let surface = rgb(|c| self.hit.map_or(0.0, |hit| passes[c] as f32 * hit.albedo[c]));
+        let medium = scene.medium.albedo.map(|albedo| albedo as f32);
+        let untaken = rgb(|c| medium[c] * (1.0 - taken(c) as f32));
+        let behind = transmittance.map(|passes| passes as f32);
+        [
+            rgb(|c| untaken[c] - behind[c] * medium[c]),
+            rgb(|c| behind[c] * surface[c]),
+            rgb(|c| untaken[c] + behind[c] * (surface[c] - medium[c])),
+        ]
     }
 
     /// Radiance that is seen per radiance of each light of the sky: what the medium scatters, and what the surface reflects. It is
@@ -161,6 +174,28 @@ pub(super) struct AllLight {
     pub(super) radiance: RowRadiance,
 }
 
+/// What arrives at the surfaces that painted pixels show, view by view; none where it is the ambient light.
+struct ArrivingLight<'s> {
+    scene: &'s Scene,
+    of_views: Vec<Option<Vec<Rgb>>>,
+}
+
+impl<'s> ArrivingLight<'s> {
+    fn new(scene: &'s Scene, maps: &Maps, constraints: &[Constraint]) -> Self {
+        let of_view = |view: usize| {
+            let light = maps.surface_light.as_ref()?;
+            let is_painted = constraints.iter().any(|pixel| pixel.view == view);
+            is_painted.then(|| light.arriving(&scene.views[view].camera, &maps.geometry))
+        };
+        Self { scene, of_views: (0..scene.views.len()).map(of_view).collect() }
+    }
+
+    fn at(&self, pixel: &Constraint) -> Option<Rgb> {
+        let width = self.scene.views[pixel.view].camera.size()[0];
+        self.of_views[pixel.view].as_ref().map(|arriving| arriving[pixel.y * width + pixel.x])
+    }
+}
+
 /// One row of it.
 struct RowLight {
     further: Vec<Rgb>,
@@ -183,13 +218,15 @@ impl AllLight {
     ) -> Result<Option<Self>> {
         let Some(settings) = &scene.surroundings else { return Ok(None) };
         let start = settings.start(scene.light.radiance);
+        let arriving = ArrivingLight::new(scene, maps, constraints);
         let rows: Vec<RowLight> = constraints
             .par_iter()
             .zip(hits)
             .enumerate()
             .map(|(row, (pixel, &hit))| {
                 let ray = scene.views[pixel.view].camera.pixel_ray(pixel.x, pixel.y);
-                RowLight::new(scene, maps, &Seen::up_to(&maps.geometry, ray, hit), traversal, row, &start)
+                let seen = Seen::up_to(&maps.geometry, ray, hit);
+                RowLight::new(scene, maps, (&seen, arriving.at(pixel)), traversal, row, &start)
             })
             .collect();
         let is_seen = |of: std::ops::Range<usize>| {
@@ -228,7 +265,7 @@ impl RowLight {
     fn new(
         scene: &Scene,
         maps: &Maps,
-        seen: &Seen,
+        (seen, arriving): (&Seen, Option<Rgb>),
         traversal: &LightMapTraversal,
         row: usize,
         start: &[Rgb],
@@ -242,19 +279,20 @@ impl RowLight {
         let of_sky = seen.of_sky(scene, maps, |_| true);
         let of_sky = of_sky.into_iter().map(|weight| weight.map(|value| value as f32));
         let further: Vec<Rgb> = is_sought.then_some(of_sun).into_iter().chain(of_sky).collect();
-        let of_ambient = seen.of_ambient(scene);
+        let ambient = seen.under_ambient(scene, scene.ambient, arriving);
         let unsought = if is_sought { [0.0; 3] } else { scene.light.radiance };
         let lights = further.iter().zip(start).skip(usize::from(is_sought));
         let under = |color: fn(Rgb) -> Rgb| {
-            let (sun, ambient) = (color(scene.light.radiance), color(scene.ambient));
+            let sun = color(scene.light.radiance);
+            let ambient = seen.under_ambient(scene, color(scene.ambient), arriving.map(color));
             rgb(|c| {
                 let sky: f32 = lights.clone().map(|(weight, start)| weight[c] * color(*start)[c]).sum();
-                (lit[c] as f32 + share[c]) * sun[c] + of_ambient[c] * ambient[c] + sky
+                (lit[c] as f32 + share[c]) * sun[c] + ambient[c] + sky
             })
         };
         Self {
             reflected: corners.map_or(Reflected::NOTHING, |corners| corners.reflected(share)),
-            known: rgb(|c| of_ambient[c] * scene.ambient[c] + of_sun[c] * unsought[c]),
+            known: rgb(|c| ambient[c] + of_sun[c] * unsought[c]),
             plain: under(|color| color),
             white: under(|color| [luminance(color); 3]),
             further,

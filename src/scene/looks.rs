@@ -1,7 +1,7 @@
 use glam::{DVec2, DVec3};
 
 use super::procedural::lattice_hash;
-use super::{Heterogeneity, Transfer};
+use super::{Heterogeneity, SurfaceLight, Transfer};
 
 /// How single scattering is bent beyond what is physical (Kol et al. 2017, sec. 4).
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -12,6 +12,8 @@ pub struct Looks {
     pub transfer: Vec<(f64, Transfer)>,
     /// How irregular the air is, with shares that add up to 1 at most; the rest, or all where there is none, is even air.
     pub heterogeneity: Vec<(f64, Heterogeneity)>,
+    /// How light from everywhere arrives at surfaces, with shares that add up to 1 at most; the rest, or all where there is none, is the same ambient light on all.
+    pub surfaces: Vec<(f64, SurfaceLight)>,
 }
 
 /// A kind of look.
@@ -27,6 +29,8 @@ pub enum Look {
     Transfer,
     /// Heterogeneity of the air.
     Heterogeneity,
+    /// Light from everywhere on surfaces.
+    Surfaces,
 }
 
 impl Looks {
@@ -60,8 +64,13 @@ impl Looks {
             1.0 => air.in_words(),
             share => format!("{} ({:.0} %)", air.in_words(), 100.0 * share),
         };
+        let of_surfaces = |(share, light): &(f64, SurfaceLight)| match *share {
+            1.0 => light.in_words(),
+            share => format!("{} ({:.0} %)", light.in_words(), 100.0 * share),
+        };
         let edits = self.occluders.iter().map(of_edit).chain(self.transfer.iter().map(of_function));
-        let words: Vec<String> = edits.chain(self.heterogeneity.iter().map(of_air)).collect();
+        let edits = edits.chain(self.heterogeneity.iter().map(of_air));
+        let words: Vec<String> = edits.chain(self.surfaces.iter().map(of_surfaces)).collect();
         (!words.is_empty()).then(|| words.join(", then "))
     }
 
@@ -82,6 +91,7 @@ impl Looks {
                 true => Vec::new(),
                 false => self.heterogeneity.clone(),
             },
+            surfaces: if kinds.contains(&Look::Surfaces) { Vec::new() } else { self.surfaces.clone() },
         }
     }
 }
@@ -198,6 +208,7 @@ impl Looks {
             occluders,
             transfer: blended(&self.transfer, &to.transfer, share),
             heterogeneity: both(&self.heterogeneity, &to.heterogeneity, share),
+            surfaces: each_in_part(&self.surfaces, &to.surfaces, share),
         }
     }
 }
@@ -215,6 +226,21 @@ fn both(from: &[(f64, Heterogeneity)], to: &[(f64, Heterogeneity)], share: f64) 
     }
     let part = |list: &[(f64, Heterogeneity)], part: f64| {
         list.iter().map(move |(own, air)| (part * own, air.clone())).collect::<Vec<_>>()
+    };
+    [part(from, 1.0 - share), part(to, share)].concat()
+}
+
+/// Light on surfaces between two such lists: both are there, each with its part.
+fn each_in_part(
+    from: &[(f64, SurfaceLight)],
+    to: &[(f64, SurfaceLight)],
+    share: f64,
+) -> Vec<(f64, SurfaceLight)> {
+    if from == to {
+        return from.to_vec();
+    }
+    let part = |list: &[(f64, SurfaceLight)], part: f64| {
+        list.iter().map(move |(own, light)| (part * own, light.clone())).collect::<Vec<_>>()
     };
     [part(from, 1.0 - share), part(to, share)].concat()
 }

@@ -22,6 +22,7 @@ mod procedural;
 mod settings;
 mod skipping;
 mod strokes;
+mod surface_light;
 mod surroundings;
 mod transfer;
 mod view;
@@ -54,6 +55,7 @@ pub use settings::{
 };
 pub use skipping::Skipping;
 pub use strokes::Stroke;
+pub use surface_light::{SurfaceLight, SurfaceMethod, Weighting};
 pub use surroundings::{Sky, Surroundings};
 pub use transfer::{
     Blend, LayerKind, Transfer, TransferAxis, TransferLayer, TransferPlace, TransferPoint, TransferRole,

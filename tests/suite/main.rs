@@ -36,6 +36,7 @@ mod studio;
 #[cfg(feature = "studio")]
 mod studio_looks;
 mod suns;
+mod surfaces;
 mod surroundings;
 mod threads;
 mod together;

@@ -30,7 +30,7 @@ fn wide(colors: &[Rgb]) -> CpuVector<f64> {
 }
 
 /// Texels and all that is behind them, each its own.
-fn some_light(problem: &LightMapProblem, seed: u64) -> Vec<Rgb> {
+pub(crate) fn some_light(problem: &LightMapProblem, seed: u64) -> Vec<Rgb> {
     let mut n = Numbers(seed);
     let mut light = problem.starts();
     let texels = problem.maps.light_map.len();
@@ -42,7 +42,7 @@ fn some_light(problem: &LightMapProblem, seed: u64) -> Vec<Rgb> {
 }
 
 /// What a light shows at the painted pixels.
-fn pictured(scene: &Scene, problem: &LightMapProblem, light: &[Rgb]) -> [Vec<Rgb>; 2] {
+pub(crate) fn pictured(scene: &Scene, problem: &LightMapProblem, light: &[Rgb]) -> [Vec<Rgb>; 2] {
     let pictures: Vec<_> =
         (0..scene.views.len()).map(|view| render(scene, &problem.maps, Some(light), view).unwrap()).collect();
     let at = |of: fn(&unscatter::problem::Rendering) -> &unscatter::scene::Image| {
@@ -52,7 +52,7 @@ fn pictured(scene: &Scene, problem: &LightMapProblem, light: &[Rgb]) -> [Vec<Rgb
 }
 
 /// ‖a − b‖ / ‖b‖.
-fn distance(a: &[Rgb], b: &[Rgb]) -> f64 {
+pub(crate) fn distance(a: &[Rgb], b: &[Rgb]) -> f64 {
     let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
     let pairs = a.iter().flatten().zip(b.iter().flatten());
     norm(&mut pairs.map(|(&a, &b)| f64::from(a) - f64::from(b)))
@@ -60,7 +60,7 @@ fn distance(a: &[Rgb], b: &[Rgb]) -> f64 {
 }
 
 /// What the rows show of a light, all told.
-fn shown(problem: &LightMapProblem, light: &[Rgb]) -> Vec<Rgb> {
+pub(crate) fn shown(problem: &LightMapProblem, light: &[Rgb]) -> Vec<Rgb> {
     let matrix = explicit(problem);
     let mut rows = matrix.range();
     matrix.apply(&wide(light), &mut rows).unwrap();

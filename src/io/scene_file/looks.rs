@@ -10,6 +10,7 @@ use super::file_name::FileName;
 use super::flaw::{At, Built, Flaw, checked, within};
 use super::heterogeneity::Heterogeneity;
 use super::scene_text::SceneText;
+use super::surface_light::SurfaceLight;
 use super::transfer::Transfer;
 use super::view::view_number;
 use super::wording::nearest;
@@ -32,6 +33,9 @@ pub struct Looks {
     /// Irregular air.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heterogeneity: Option<Heterogeneity>,
+    /// Light from everywhere on surfaces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surfaces: Option<SurfaceLight>,
 }
 
 /// An edit of the shadow map of the light.
@@ -165,6 +169,9 @@ impl Looks {
         if !own.heterogeneity.is_empty() {
             mood.heterogeneity = own.heterogeneity;
         }
+        if !own.surfaces.is_empty() {
+            mood.surfaces = own.surfaces;
+        }
         Ok(mood)
     }
 
@@ -178,12 +185,16 @@ impl Looks {
         let air = self.heterogeneity.as_ref();
         let air = air.map(|it| it.build(views, assets).at("heterogeneity")).transpose()?;
         let heterogeneity = air.map(|it| (1.0, it)).into_iter().collect();
-        Ok(scene::Looks { occluders: edits.collect::<Built<_>>()?, transfer, heterogeneity })
+        let surfaces = self.surfaces.as_ref();
+        let surfaces = surfaces.map(|it| it.build(assets).at("surfaces")).transpose()?;
+        let surfaces = surfaces.map(|it| (1.0, it)).into_iter().collect();
+        Ok(scene::Looks { occluders: edits.collect::<Built<_>>()?, transfer, heterogeneity, surfaces })
     }
 
     /// Puts in the settings that are not given.
     pub(super) fn settle(&mut self) {
         self.heterogeneity.iter_mut().for_each(Heterogeneity::settle);
+        self.surfaces.iter_mut().for_each(SurfaceLight::settle);
     }
 }
 

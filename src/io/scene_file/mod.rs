@@ -32,6 +32,7 @@ mod scene_text;
 mod size;
 mod solve;
 mod stroke;
+mod surface_light;
 mod surroundings;
 #[cfg(test)]
 mod tests;

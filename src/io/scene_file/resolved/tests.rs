@@ -44,7 +44,10 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     ("Extrude", &["texels"]),
     // One way of saying where.
     ("TransferPoint", &["at", "view", "pixel", "triangle", "corners"]),
-    ("Looks", &["file", "transfer", "heterogeneity"]),
+    ("Looks", &["file", "transfer", "heterogeneity", "surfaces"]),
+    // The ambient light; fitted to the scene, or as far as rays go.
+    ("SurfaceLight", &["environment", "radius"]),
+    ("SurfaceEnvironment", &["file"]),
     // As far as the views see.
     ("Transfer", &["far"]),
     // No limits; what follows from the medium of a painted volume; and the memory of the machine.
@@ -111,7 +114,7 @@ const LIGHT_MAP: &str = r##"{
       { "value": 2, "view": "front", "distance": 3, "pixels": [[8, 8]], "radius": 1 },
       { "erase": true, "points": [[1, 1, 1]], "normal": [0, 0, 1], "radius": 1, "depth": 2 }
     ] }
-  } },
+  }, "surfaces": { "environment": { "file": "@sky.hdr" } } },
   "light_map": { "extent": { "min": [-2, -1], "max": [2, 1] } },
   "solve": { "quadrature": { "march": { "steps": 64 } } }
 }"##;
