@@ -10,7 +10,7 @@ use unscatter::scene::{Rgb, Scene, Strategy};
 use unscatter::visibility::Geometry;
 
 /// Every look by its name in the table.
-const LOOKS: [(&str, &str); 7] = [
+const LOOKS: [(&str, &str); 8] = [
     ("fill", r#"{"occluders": [{"fill": {"texels": 3}}]}"#),
     ("extrude", r#"{"occluders": [{"extrude": {"view": "room", "texels": 6}}]}"#),
     ("pierce", r#"{"occluders": [{"pierce": {"size": 0.5, "share": 0.3}}]}"#),
@@ -27,6 +27,7 @@ const LOOKS: [(&str, &str); 7] = [
         r#"{"heterogeneity": {"noise": {"size": 3, "voxels": 32, "cells": 3, "octaves": 3},
             "intensity": {"strokes": [{"value": 3, "view": "room", "distance": 4, "pixels": [[12, 12]], "radius": 1}]}}}"#,
     ),
+    ("surfaces", r#"{"surfaces": {"environment": {"radiance": [0.4, 0.6, 1]}}}"#),
     ("all of them", ""),
 ];
 
@@ -133,8 +134,7 @@ fn every_look_is_solved_with_every_method() {
             let residual = found
                 .unwrap_or_else(|error| panic!("{name}, {method}: {error}"))
                 .report()
-                .weighted_residual
-                .clone();
+                .weighted_residual;
             // A method that stays inside the bounds may stay where it begins, at the upper ones.
             assert!(residual.after <= residual.before, "{name}, {method}: {residual:?}");
         }

@@ -189,7 +189,8 @@ fn all() -> [Vec<String>; 2] {
     let files = files.filter(|file| file.extension().is_some_and(|extension| extension == "json"));
     let mut texts: Vec<_> = files.map(|file| (std::fs::read_to_string(&file).unwrap(), file)).collect();
     let dark = changed(LIGHT_MAP, ", \"environment\": { \"file\": \"@sky.hdr\" }", "");
-    let grey = changed(LIGHT_MAP, "{ \"file\": \"@sky.hdr\" }", "{}");
+    let grey =
+        changed(LIGHT_MAP, "true, \"environment\": { \"file\": \"@sky.hdr\" }", "true, \"environment\": {}");
     let fitted = changed(&grey, "\"extent\": { \"min\": [-2, -1], \"max\": [2, 1] }", "");
     let made = [dark, light_animation(), fitted, LIGHT_MAP.to_owned(), ANIMATION.to_owned()];
     texts.extend(made.map(|text| (text, folder.join("scene.json"))));
