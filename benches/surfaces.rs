@@ -104,8 +104,7 @@ impl Case {
         );
         let row = |name: String, timed: bool, change: &dyn Fn(&mut SurfaceLight)| {
             let found = self.found(change);
-            let (error, angle) =
-                (error(&found.light, &reference.light), angle(&found.cones, &reference.cones));
+            let (error, angle) = (error(&found, &reference), angle(&found.cones, &reference.cones));
             let time = if timed { format!("{:8.0}", self.time(change)) } else { String::new() };
             println!("{name:42} {error:8.3} {angle:8.1} {time}");
         };
@@ -137,12 +136,18 @@ impl Case {
     }
 }
 
-/// Root of the mean square of the differences, relative to the mean of the reference.
-fn error(found: &[Rgb], reference: &[Rgb]) -> f64 {
-    let pairs = found.iter().flatten().zip(reference.iter().flatten());
-    let square: f64 = pairs.map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum();
-    let sum: f64 = reference.iter().flatten().map(|&value| f64::from(value)).sum();
-    (square / (3 * reference.len()) as f64).sqrt() / (sum / (3 * reference.len()) as f64)
+/// Root of the mean square of the differences, relative to the mean of the reference, over the pixels that show a surface.
+fn error(found: &Found, reference: &Found) -> f64 {
+    let pairs = found.light.iter().zip(&reference.light).zip(&reference.cones);
+    let (mut square, mut sum, mut count) = (0.0, 0.0, 0.0);
+    for ((a, b), _) in pairs.filter(|(_, cone)| cone.is_some()) {
+        for c in 0..3 {
+            square += (f64::from(a[c]) - f64::from(b[c])).powi(2);
+            sum += f64::from(b[c]);
+            count += 1.0;
+        }
+    }
+    f64::sqrt(square / count) / (sum / count)
 }
 
 /// The mean angle between bent normals in degrees, where the reference is open at all.

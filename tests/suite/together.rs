@@ -131,10 +131,8 @@ fn every_look_is_solved_with_every_method() {
             let sets = [format!("solve.solver={method}"), "solve.iterations=40".to_owned()];
             let found =
                 unscatter::job::Job::new(room(looks, PINHOLE, true, &sets)).solve(&mut unscatter::job::Quiet);
-            let residual = found
-                .unwrap_or_else(|error| panic!("{name}, {method}: {error}"))
-                .report()
-                .weighted_residual;
+            let residual =
+                found.unwrap_or_else(|error| panic!("{name}, {method}: {error}")).report().weighted_residual;
             // A method that stays inside the bounds may stay where it begins, at the upper ones.
             assert!(residual.after <= residual.before, "{name}, {method}: {residual:?}");
         }
