@@ -149,15 +149,15 @@ impl Part {
     fn light(&self, normal: DVec3, openness: &Openness) -> Rgb {
         let cone = openness.cone(normal, self.settings.weighting);
         let (radiance, factor) = match self.settings.method {
-            SurfaceMethod::BentNormals => (self.convolved.from_hemisphere(cone.direction), 1.0),
+            SurfaceMethod::BentNormals => (self.convolved.of_hemisphere(cone.direction), 1.0),
             SurfaceMethod::BentCones => {
                 let factor = match self.settings.weighting {
                     Weighting::Cosine => 1.0,
                     Weighting::Uniform => (1.0 + cone.angle.cos()) * cone.direction.dot(normal).max(0.0),
                 };
-                (self.convolved.from_cone(cone.direction, cone.angle), factor)
+                (self.convolved.of_cone(cone.direction, cone.angle), factor)
             }
-            _ => (self.convolved.from_hemisphere(normal), 1.0),
+            _ => (self.convolved.of_hemisphere(normal), 1.0),
         };
         rgb(|c| (cone.visibility * factor) as f32 * radiance[c])
     }

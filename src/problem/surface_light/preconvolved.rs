@@ -43,7 +43,7 @@ impl PreconvolvedLight {
     }
 
     /// From a cone around a direction, of half so many radians. Cones that are narrower than the narrowest are that one.
-    pub(super) fn from_cone(&self, towards: DVec3, angle: f64) -> Rgb {
+    pub(super) fn of_cone(&self, towards: DVec3, angle: f64) -> Rgb {
         let pictures = match self {
             Self::Constant(radiance) => return *radiance,
             Self::Cones(pictures) => pictures,
@@ -57,8 +57,8 @@ impl PreconvolvedLight {
     }
 
     /// From all of the hemisphere around a direction.
-    pub(super) fn from_hemisphere(&self, towards: DVec3) -> Rgb {
-        self.from_cone(towards, FRAC_PI_2)
+    pub(super) fn of_hemisphere(&self, towards: DVec3) -> Rgb {
+        self.of_cone(towards, FRAC_PI_2)
     }
 }
 
