@@ -32,6 +32,8 @@ pub struct HeterogeneityField {
     intensity: Values,
     baked: Option<Baked>,
     quadrature: Quadrature,
+    /// The least and the largest level of detail anywhere.
+    levels: [f64; 2],
 }
 
 /// h inside of the box, linear between the middles of its voxels and constant beyond the outermost ones.
@@ -51,9 +53,11 @@ impl HeterogeneityField {
         let values = |name: &str, blend, most: f64| {
             Values::new(blend, &grid, [0.0, most]).map_err(|error| error.inside(name))
         };
+        let frequency = values("frequency", &air.blends.frequency, noise.last_level() as f64)?;
         let mut field = Self {
+            levels: frequency.range(),
             amount: values("amount", &air.blends.amount, 1.0)?,
-            frequency: values("frequency", &air.blends.frequency, noise.last_level() as f64)?,
+            frequency,
             intensity: values("intensity", &air.blends.intensity, MOST_INTENSITY)?,
             noise,
             grid,
@@ -120,7 +124,7 @@ impl HeterogeneityField {
         if let Some(baked) = &self.baked {
             return baked.grid.voxel();
         }
-        let noise = self.noise.voxel(self.frequency.range()[0] as usize);
+        let noise = self.noise.voxel(self.levels[0] as usize);
         let is_painted = [&self.amount, &self.frequency, &self.intensity].map(Values::is_painted);
         if is_painted.contains(&true) { noise.min(self.grid.voxel()) } else { noise }
     }
@@ -128,7 +132,7 @@ impl HeterogeneityField {
     /// ∫ h along a ray: in cells h is a polynomial, and as many nodes of Gauss are taken as make it exact. Where the level of detail passes a
     /// whole number in a cell, it is cut there.
     fn exact(&self, ray: &Ray, length: f64) -> f64 {
-        let levels = self.frequency.range();
+        let levels = self.levels;
         let mut lattices: Vec<Planes> = (levels[0] as usize..=levels[1].ceil() as usize)
             .map(|level| self.noise.planes(level, ray))
             .collect();
