@@ -134,7 +134,8 @@ fn the_foot_of_a_large_wall_sees_half_of_the_sky() {
         let feet = foot(&rays);
         assert!(feet.len() > 8, "{}", feet.len());
         let (light, traced) = (arriving(&of(r#""method": "rays""#)), cones(&rays));
-        let seen = cones(&of(r#""samples": 64, "steps": 24"#));
+        // Without a blur, which would take in what is farther from the wall.
+        let seen = cones(&of(r#""samples": 256, "steps": 24, "pattern": 1"#));
         // By cosine: the mean is (4 / 3π, 2/3) along wall and ground.
         let mean = DVec3::new(4.0 / (3.0 * PI), 2.0 / 3.0, 0.0);
         // ⅔ (1 + c + c²) / (1 + c) of the cone's cosine c is its length.

@@ -34,8 +34,8 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     // Fitted to the scene.
     ("LightMap", &["extent", "size"]),
     ("ShadowMap", &["extent"]),
-    // Fitted to what the views see, and baked on request.
-    ("Heterogeneity", &["bounds", "bake"]),
+    // Baked on request.
+    ("Heterogeneity", &["bake"]),
     ("Noise", &["size"]),
     ("BlendVolume", &["file", "grid"]),
     ("AirStroke", &["value", "view", "distance", "pixels", "points", "normal", "depth"]),
@@ -45,9 +45,8 @@ const WITHOUT_VALUE: &[(&str, &[&str])] = &[
     // One way of saying where.
     ("TransferPoint", &["at", "view", "pixel", "triangle", "corners"]),
     ("Looks", &["file", "transfer", "heterogeneity", "surfaces"]),
-    // The ambient light; fitted to the scene, or as far as rays go.
-    ("SurfaceLight", &["environment", "radius"]),
-    ("SurfaceEnvironment", &["file"]),
+    // Fitted to the scene, or as far as rays go.
+    ("SurfaceLight", &["radius"]),
     // As far as the views see.
     ("Transfer", &["far"]),
     // No limits; what follows from the medium of a painted volume; and the memory of the machine.
