@@ -104,7 +104,10 @@ pub(super) fn fit_to(
     let frame = scene.light.frame();
     let occluded = occluded(&scene.mesh, &frame);
     let painted = Sight::of_painted(scene, constraints, lengths);
-    let sight = Sight::of_views(scene, geometry).and(&painted);
+    let views = Sight::of_views(scene, geometry);
+    // What is painted moves nothing of the air.
+    let heterogeneity = HeterogeneousAir::of(scene, geometry, &views)?.map(Arc::new);
+    let sight = views.and(&painted);
     let seen = sight.over(&frame);
     let grid = grid(&scene.shadow_map, || match extrudes(&scene.looks) {
         false => seen_and_occluded(seen, occluded),
@@ -127,7 +130,6 @@ pub(super) fn fit_to(
     let sky = sky_beams(scene, geometry, &sight)?;
     let shadow_map = if scene.solve.skip.shadows { shadow_map } else { shadow_map.without_pyramid() };
     let transfer = TransferFunction::of(scene, geometry, (&frame, &shadow_map))?.map(Arc::new);
-    let heterogeneity = HeterogeneousAir::of(scene, geometry)?.map(Arc::new);
     let surface_light = LitSurfaces::of(scene, geometry)?.map(Arc::new);
     let geometry = geometry.clone();
     let shadow_map = Arc::new(shadow_map);

@@ -27,16 +27,16 @@ pub struct HeterogeneousAir {
 }
 
 impl HeterogeneousAir {
-    /// None where the air of a scene is even.
+    /// None where the air of a scene is even. `views` is what its views see.
     ///
     /// Errors: those of [`HeterogeneityField::new`].
-    pub(super) fn of(scene: &Scene, geometry: &Geometry) -> Result<Option<Self>> {
+    pub(super) fn of(scene: &Scene, geometry: &Geometry, views: &Sight) -> Result<Option<Self>> {
         let parts = &scene.looks.heterogeneity;
         if parts.is_empty() {
             return Ok(None);
         }
         let far = seen_far([scene], geometry);
-        let fitted = FittedAir::over([scene], geometry, far);
+        let fitted = FittedAir::over([views], far);
         let field = |(share, air): &(f64, Heterogeneity)| {
             let (bounds, size) = fitted.of(air);
             let field = HeterogeneityField::new(air, bounds, size);
@@ -141,19 +141,13 @@ pub(super) struct FittedAir {
 }
 
 impl FittedAir {
-    /// Over what the views of scenes see, up to `far` metres: the noise has half the longest side, rounded to 1, 2 or 5 times a power of ten, and
+    /// Over what views see, up to `far` metres: the noise has half the longest side, rounded to 1, 2 or 5 times a power of ten, and
     /// the box goes out to tenths of that, so that smaller pictures of the same views have the same air.
-    pub(super) fn over<'s>(
-        scenes: impl IntoIterator<Item = &'s Scene>,
-        geometry: &Geometry,
-        far: f64,
-    ) -> Self {
+    pub(super) fn over<'s>(views: impl IntoIterator<Item = &'s Sight>, far: f64) -> Self {
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for scene in scenes {
-            for &[from, to] in Sight::of_views(scene, geometry).stretches() {
-                let end = from + (to - from).clamp_length_max(far);
-                (low, high) = (low.min(from).min(end), high.max(from).max(end));
-            }
+        for &[from, to] in views.into_iter().flat_map(Sight::stretches) {
+            let end = from + (to - from).clamp_length_max(far);
+            (low, high) = (low.min(from).min(end), high.max(from).max(end));
         }
         let half = (0.5 * (high - low).max_element()).max(f64::MIN_POSITIVE);
         let power = 10f64.powf(half.log10().floor());

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::fit;
 use super::heterogeneity::FittedAir;
+use super::sight::Sight;
 use super::surface_light::fitted_radius;
 use super::transfer::seen_far;
 use crate::Result;
@@ -29,7 +30,8 @@ pub fn settle_key_frames(animated: &AnimatedScene, geometry: &Arc<Geometry>) -> 
     }
     if keys.iter().any(|key| !key.scene.looks.heterogeneity.is_empty()) {
         let scenes = || keys.iter().map(|key| &key.scene);
-        let fitted = FittedAir::over(scenes(), geometry, seen_far(scenes(), geometry));
+        let views: Vec<Sight> = scenes().map(|scene| Sight::of_views(scene, geometry)).collect();
+        let fitted = FittedAir::over(&views, seen_far(scenes(), geometry));
         for (_, air) in keys.iter_mut().flat_map(|key| &mut key.scene.looks.heterogeneity) {
             let (bounds, size) = fitted.of(air);
             (air.bounds, air.noise.size) = (Some(bounds), Some(size));

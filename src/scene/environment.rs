@@ -85,6 +85,14 @@ impl Environment {
         Ok(Self { distribution, directions })
     }
 
+    /// Columns of the picture that it is; none where it is no picture.
+    pub fn columns(&self) -> Option<usize> {
+        match &self.distribution {
+            Distribution::Map(picture) => Some(picture.size()[0]),
+            Distribution::Constant(_) | Distribution::Lights(..) => None,
+        }
+    }
+
     /// Whether it is dark.
     pub fn is_dark(&self) -> bool {
         match &self.distribution {

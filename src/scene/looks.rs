@@ -207,55 +207,45 @@ impl Looks {
         Self {
             occluders,
             transfer: blended(&self.transfer, &to.transfer, share),
-            heterogeneity: both(&self.heterogeneity, &to.heterogeneity, share),
-            surfaces: each_in_part(&self.surfaces, &to.surfaces, share),
+            heterogeneity: drifted(&self.heterogeneity, &to.heterogeneity, share),
+            surfaces: parts(&self.surfaces, &to.surfaces, share),
         }
     }
 }
 
 /// Air between two such lists: noise that has moved alone moves, else both are there, each with its part.
-fn both(from: &[(f64, Heterogeneity)], to: &[(f64, Heterogeneity)], share: f64) -> Vec<(f64, Heterogeneity)> {
-    let moved = |((part, from), (_, to)): (&(f64, Heterogeneity), &(f64, Heterogeneity))| {
-        from.moved_to(to, share).map(|air| (*part, air))
-    };
-    let is_paired = from.len() == to.len() && from.iter().zip(to).all(|(from, to)| from.0 == to.0);
-    if let Some(moved) = from.iter().zip(to).map(moved).collect::<Option<Vec<_>>>()
-        && is_paired
+fn drifted(
+    from: &[(f64, Heterogeneity)],
+    to: &[(f64, Heterogeneity)],
+    share: f64,
+) -> Vec<(f64, Heterogeneity)> {
+    if let ([(1.0, here)], [(1.0, there)]) = (from, to)
+        && let Some(between) = here.moved_to(there, share)
     {
-        return moved;
+        return vec![(1.0, between)];
     }
-    let part = |list: &[(f64, Heterogeneity)], part: f64| {
-        list.iter().map(move |(own, air)| (part * own, air.clone())).collect::<Vec<_>>()
-    };
-    [part(from, 1.0 - share), part(to, share)].concat()
+    parts(from, to, share)
 }
 
-/// Light on surfaces between two such lists: both are there, each with its part.
-fn each_in_part(
-    from: &[(f64, SurfaceLight)],
-    to: &[(f64, SurfaceLight)],
-    share: f64,
-) -> Vec<(f64, SurfaceLight)> {
+/// All of two lists, each with its part; the same where they are.
+fn parts<T: Clone + PartialEq>(from: &[(f64, T)], to: &[(f64, T)], share: f64) -> Vec<(f64, T)> {
     if from == to {
         return from.to_vec();
     }
-    let part = |list: &[(f64, SurfaceLight)], part: f64| {
-        list.iter().map(move |(own, light)| (part * own, light.clone())).collect::<Vec<_>>()
+    let part = |list: &[(f64, T)], part: f64| {
+        list.iter().map(move |(own, it)| (part * own, it.clone())).collect::<Vec<_>>()
     };
     [part(from, 1.0 - share), part(to, share)].concat()
 }
 
-/// Transfer functions with their shares between two such lists; where one has none, light is as it is.
+/// Transfer functions between two such lists; where one has none, light is as it is.
 fn blended(from: &[(f64, Transfer)], to: &[(f64, Transfer)], share: f64) -> Vec<(f64, Transfer)> {
     if from == to {
         return from.to_vec();
     }
     let none = [(1.0, Transfer::none())];
     let [from, to] = [from, to].map(|list| if list.is_empty() { &none[..] } else { list });
-    let part = |list: &[(f64, Transfer)], part: f64| {
-        list.iter().map(move |(own, transfer)| (part * own, transfer.clone())).collect::<Vec<_>>()
-    };
-    [part(from, 1.0 - share), part(to, share)].concat()
+    parts(from, to, share)
 }
 
 impl OccluderEdit {

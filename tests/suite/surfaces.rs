@@ -222,6 +222,21 @@ fn glass_before_the_eye_colours_the_light_of_surfaces() {
     assert!(seen > 2000, "{seen}");
 }
 
+/// A pane above all of the ground, which the eye does not look through.
+#[test]
+fn rays_bring_what_panes_let_through() {
+    let pane = r#"{"plane": {"center": [0, 9, 0], "sides": [[0, 0, 40000], [40000, 0, 0]], "transmittance": [0.9, 0.5, 0.2]}},"#;
+    let [open, below] =
+        ["", pane].map(|things| arriving(&scene(things, CAMERA, r#"{"method": "rays", "samples": 64}"#)));
+    let mut lit = 0;
+    for (open, below) in open.iter().zip(&below).filter(|(open, _)| **open != [0.0; 3]) {
+        // The hit is of the ground in both: a pane is no surface.
+        assert!((0..3).all(|c| (below[c] - [0.9, 0.5, 0.2][c] * open[c]).abs() < 2e-3), "{open:?} {below:?}");
+        lit += 1;
+    }
+    assert!(lit > 2000, "{lit}");
+}
+
 #[test]
 fn rows_show_what_pictures_show_of_surfaces() {
     for case in CASES {

@@ -171,7 +171,7 @@ impl Values {
                 return Err(Error::value(
                     format!("strokes[{number}]"),
                     what,
-                    "one that reaches the middle of a voxel",
+                    "one that reaches the middle of a voxel: move or widen it, raise `voxels`, or give smaller `bounds`",
                 ));
             }
         }

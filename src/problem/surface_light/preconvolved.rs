@@ -12,7 +12,7 @@ use crate::scene::{Environment, Image, Rgb, rgb};
 const ANGLES: usize = 8;
 /// Columns and rows of the pictures of directions.
 const SIZE: [usize; 2] = [64, 32];
-/// The same of the light that they are averages of, and places a side at which each of its pixels is looked up.
+/// The same of the light that they are averages of, and places a side at least at which each of its pixels is looked up: no fewer than the environment has pixels.
 const LIGHT: [usize; 2] = [128, 64];
 const SUPERSAMPLED: usize = 4;
 
@@ -31,11 +31,11 @@ pub(super) enum PreconvolvedLight {
 
 impl PreconvolvedLight {
     pub(super) fn new(environment: &Environment) -> Result<Self> {
-        let fine = environment.picture(LIGHT.map(|side| side * SUPERSAMPLED))?;
-        if fine.pixels.iter().all(|pixel| *pixel == fine.pixels[0]) {
-            return Ok(Self::Constant(fine.pixels[0]));
+        let light = beams(environment);
+        let first = light[0].radiance;
+        if light.iter().all(|beam| beam.radiance == first) {
+            return Ok(Self::Constant(first.map(|value| value as f32)));
         }
-        let light = beams(&fine);
         let texels: Vec<[Rgb; ANGLES]> =
             (0..SIZE[0] * SIZE[1]).into_par_iter().map(|texel| cones(direction(texel), &light)).collect();
         let picture = |angle: usize| Image::new(SIZE, texels.iter().map(|texel| texel[angle]).collect());
@@ -114,25 +114,28 @@ struct Beam {
     radiance: [f64; 3],
 }
 
-/// The means of squares of pixels.
-fn beams(fine: &Image) -> Vec<Beam> {
+/// The means of an environment over the pixels of a smaller picture.
+fn beams(environment: &Environment) -> Vec<Beam> {
     let [width, height] = LIGHT;
+    let places =
+        environment.columns().map_or(SUPERSAMPLED, |columns| columns.div_ceil(width).max(SUPERSAMPLED));
+    let fine = LIGHT.map(|side| side * places);
     let beam = |index: usize| {
         let (column, row) = (index % width, index / width);
         let mut sum = [0.0; 3];
-        for place in 0..SUPERSAMPLED * SUPERSAMPLED {
-            let (x, y) = (place % SUPERSAMPLED, place / SUPERSAMPLED);
-            let pixel = fine.at(column * SUPERSAMPLED + x, row * SUPERSAMPLED + y);
-            (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
+        for place in 0..places * places {
+            let (x, y) = (place % places, place / places);
+            let radiance = environment.radiance(towards(fine, column * places + x, row * places + y));
+            (0..3).for_each(|c| sum[c] += f64::from(radiance[c]));
         }
         let polar = |row: usize| (PI * row as f64 / height as f64).cos();
         Beam {
             towards: towards(LIGHT, column, row),
             solid_angle: TAU / width as f64 * (polar(row) - polar(row + 1)),
-            radiance: sum.map(|sum| sum / (SUPERSAMPLED * SUPERSAMPLED) as f64),
+            radiance: sum.map(|sum| sum / (places * places) as f64),
         }
     };
-    (0..width * height).map(beam).collect()
+    (0..width * height).into_par_iter().map(beam).collect()
 }
 
 /// The means over the cones of all angles around a direction.

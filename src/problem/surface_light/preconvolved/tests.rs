@@ -86,3 +86,19 @@ fn light_is_continuous_around_the_seam() {
     assert!((0..3).all(|c| (left[c] - right[c]).abs() < 1e-6));
     assert!((f64::from(left[0]) - 1.0).abs() < 5e-3);
 }
+
+/// A sun of one pixel of a large picture gives all of its light, wherever the pixel is.
+#[test]
+fn a_small_sun_gives_its_light() {
+    let size = [2048, 1024];
+    for (column, row) in [(700, 400), (701, 401), (1033, 507)] {
+        let sun = |index: usize| if index == row * size[0] + column { [1e5; 3] } else { [0.0; 3] };
+        let picture = Image::new(size, (0..size[0] * size[1]).map(sun).collect()).unwrap();
+        let light = PreconvolvedLight::new(&Environment::map(picture, 1).unwrap()).unwrap();
+        let axis = towards(size, column, row);
+        let polar = |row: usize| (PI * row as f64 / size[1] as f64).cos();
+        let expected = 1e5 * TAU / size[0] as f64 * (polar(row) - polar(row + 1)) / PI;
+        let found = f64::from(light.of_hemisphere(axis)[0]);
+        assert!((found - expected).abs() < 0.02 * expected, "{column}, {row}: {found}, not {expected}");
+    }
+}
