@@ -43,6 +43,20 @@ struct Baked {
     volume: Volume,
 }
 
+impl Baked {
+    /// The planes between the middles of its voxels, and those of its box, along a ray.
+    fn planes(&self, ray: &Ray) -> [Planes; 2] {
+        let [low, _] = self.grid.bounds();
+        let cells = (ray.origin - low) / self.grid.voxel();
+        let size = DVec3::from_array(self.grid.size().map(|side| side as f64));
+        let slope = ray.direction / self.grid.voxel();
+        [
+            Planes::new(cells - 0.5, slope, Some(size - 1.0)),
+            Planes::new(cells / size, slope / size, Some(DVec3::ONE)),
+        ]
+    }
+}
+
 impl HeterogeneityField {
     /// Over a box, given by its least and its largest corner, with noise in cubes of `size` metres.
     ///
@@ -129,13 +143,37 @@ impl HeterogeneityField {
         if is_painted.contains(&true) { noise.min(self.grid.voxel()) } else { noise }
     }
 
-    /// ∫ h along a ray: in cells h is a polynomial, and as many nodes of Gauss are taken as make it exact. Where the level of detail passes a
-    /// whole number in a cell, it is cut there.
+    /// ∫ h along a ray: in cells h is a polynomial, and as many nodes of Gauss are taken as make it exact.
     fn exact(&self, ray: &Ray, length: f64) -> f64 {
-        let levels = self.levels;
-        let mut lattices: Vec<Planes> = (levels[0] as usize..=levels[1].ceil() as usize)
-            .map(|level| self.noise.planes(level, ray))
-            .collect();
+        let Some(baked) = &self.baked else { return self.exact_where(ray, length, &[], &|_, _| true) };
+        let is_inside = |from: f64, to: f64| baked.grid.contains(ray.at(0.5 * (from + to)));
+        let [cells, rim] = baked.planes(ray);
+        let (rule, mut sum) = (gauss(2), 0.0);
+        pieces(&[cells, rim], length, |from, to| {
+            if is_inside(from, to) {
+                sum += self.over(ray, &rule, [from, to]);
+            }
+        });
+        let is_all = [0.0, length].into_iter().all(|end| baked.grid.contains(ray.at(end)));
+        if is_all {
+            sum
+        } else {
+            sum + self.exact_where(ray, length, &[rim], &|from, to| !is_inside(from, to))
+        }
+    }
+
+    /// The same of what is not baked, over the pieces that are asked for. Where the level of detail passes a whole number in a cell, it is cut
+    /// there.
+    fn exact_where(
+        &self,
+        ray: &Ray,
+        length: f64,
+        rims: &[Planes],
+        is_asked_for: &dyn Fn(f64, f64) -> bool,
+    ) -> f64 {
+        let levels = self.levels[0] as usize..=self.levels[1].ceil() as usize;
+        let mut lattices: Vec<Planes> = levels.map(|level| self.noise.planes(level, ray)).collect();
+        lattices.extend(rims);
         let is_painted = |values: &Values| u32::from(values.is_painted());
         let painted = is_painted(&self.amount) + is_painted(&self.intensity);
         // Three for each trilinear factor; the level of detail is one more, of the noise.
@@ -143,35 +181,28 @@ impl HeterogeneityField {
         if degree > 3 {
             lattices.push(self.ringed.planes(ray));
         }
-        if let Some(baked) = &self.baked {
-            let Baked { grid, .. } = baked;
-            let [low, _] = grid.bounds();
-            let cells = |shift: f64| (ray.origin - low) / grid.voxel() + shift;
-            let size = DVec3::from_array(grid.size().map(|side| side as f64));
-            // Between the middles of voxels, and the box itself.
-            lattices.push(Planes::new(cells(-0.5), ray.direction / grid.voxel(), Some(size - 1.0)));
-            let slope = ray.direction / grid.voxel() / size;
-            lattices.push(Planes::new(cells(0.0) / size, slope, Some(DVec3::ONE)));
-        }
-        let rule = gauss(degree / 2 + 1);
-        let over = |from: f64, to: f64| {
-            let value = |[node, weight]: &[f64; 2]| weight * self.at(ray.at(from + node * (to - from)));
-            rule.iter().map(value).sum::<f64>() * (to - from)
-        };
-        let mut sum = 0.0;
-        pieces(&lattices, length, |from, to| match &self.frequency {
-            Values::Same(_) => sum += over(from, to),
-            frequency => {
-                let level = |t: f64| frequency.at(Some(&self.ringed.place(ray.at(t))));
-                let mut start = from;
+        let (rule, mut sum) = (gauss(degree / 2 + 1), 0.0);
+        pieces(&lattices, length, |from, to| {
+            if !is_asked_for(from, to) {
+                return;
+            }
+            let mut start = from;
+            if self.frequency.is_painted() {
+                let level = |t: f64| self.frequency.at(Some(&self.ringed.place(ray.at(t))));
                 for cut in whole_numbers(level, from, to) {
-                    sum += over(start, cut);
+                    sum += self.over(ray, &rule, [start, cut]);
                     start = cut;
                 }
-                sum += over(start, to);
             }
+            sum += self.over(ray, &rule, [start, to]);
         });
         sum
+    }
+
+    /// ∫ h along a piece of a ray by a rule on [0, 1].
+    fn over(&self, ray: &Ray, rule: &[[f64; 2]], [from, to]: [f64; 2]) -> f64 {
+        let value = |[node, weight]: &[f64; 2]| weight * self.at(ray.at(from + node * (to - from)));
+        rule.iter().map(value).sum::<f64>() * (to - from)
     }
 
     /// The side of the cube of noise, in metres.
