@@ -377,7 +377,7 @@ impl LightMapTransport {
     }
 
     /// The distance at which the clearest channel's transmittance is the bound, in metres.
-    fn reach(&self) -> f64 {
+    pub(super) fn reach(&self) -> f64 {
         -self.transmittance_bound.ln() / self.sigma_t.iter().copied().fold(f64::INFINITY, f64::min)
     }
 

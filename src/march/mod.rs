@@ -4,6 +4,7 @@
 //! same walk, so they agree by construction.
 
 mod basis;
+mod epipolar;
 mod exponential;
 mod further_weights;
 mod heterogeneity;
@@ -18,6 +19,9 @@ mod volume;
 
 use rayon::prelude::*;
 
+pub use epipolar::{
+    EpipolarSettings, EpipolarTraversal, Expansion, Fan, FanRay, Fans, MOST_SAMPLES, MOST_TERMS, SlicedRays,
+};
 pub use exponential::{SERIES_0, SERIES_2};
 pub use further_weights::{FurtherWeights, Reflected};
 pub use heterogeneity::{AirGrid, HeterogeneityField, MOST_INTENSITY, NoiseVolume};

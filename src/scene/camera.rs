@@ -183,6 +183,13 @@ impl Camera {
         self.ray(x as f64 + 0.5, y as f64 + 0.5)
     }
 
+    /// The angle between the ray through a pixel and that through its next neighbour, in radians: the smaller one of both directions.
+    pub fn pixel_angle(&self, x: usize, y: usize) -> f64 {
+        let at = self.pixel_ray(x, y).direction;
+        let to = |x: usize, y: usize| (self.pixel_ray(x, y).direction - at).length();
+        to(x + 1, y).min(to(x, y + 1))
+    }
+
     /// A world-space point in homogeneous coordinates of the picture: x and y from −1 to 1, y upwards, and z = `near` w⁻¹ from 0
     /// far away to 1 at `near` metres, each times w. None where the lens bends straight lines, which no such coordinates can.
     pub fn clip_from_world(&self, point: DVec3, near: f64) -> Option<[f64; 4]> {
