@@ -236,12 +236,15 @@ fn farthest(setting: &Setting, settings: EpipolarSettings) -> f64 {
 
 #[test]
 fn a_pixel_is_at_most_half_a_pixel_from_its_slice() {
+    let mut farthest_of_half = 0.0_f64;
     for (number, setting) in settings().iter().enumerate() {
         let [one, half] = [1.0, 0.5]
             .map(|slices| farthest(setting, EpipolarSettings { slices, ..EpipolarSettings::default() }));
         assert!(one <= 0.501, "setting {number}: {one} pixels");
-        assert!((0.501..=1.02).contains(&half), "setting {number}: {half} pixels with half as many");
+        assert!(half <= 1.02, "setting {number}: {half} pixels with half as many");
+        farthest_of_half = farthest_of_half.max(half);
     }
+    assert!(farthest_of_half > 0.9, "{farthest_of_half} pixels with half as many");
 }
 
 /// The root mean square of the difference from the exact rows, relative to that of these.
@@ -267,8 +270,8 @@ fn slices_converge_to_the_exact_rows() {
             )
         });
         assert!(errors[0] < 0.08, "setting {number}: {errors:?}");
-        let falls = errors.windows(2).all(|pair| pair[1] < 0.75 * pair[0]);
-        assert!(falls && errors[3] < 0.25 * errors[0], "setting {number}: {errors:?}");
+        let falls = errors.windows(2).all(|pair| pair[1] < 0.85 * pair[0]);
+        assert!(falls && errors[3] < 0.7 * errors[2], "setting {number}: {errors:?}");
     }
 }
 
