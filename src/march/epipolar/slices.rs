@@ -12,6 +12,8 @@ const BINS: usize = 2048;
 const BANDS: u32 = 24;
 /// The least angle between neighbouring pixels, in radians.
 const LEAST_ANGLE: f64 = 1e-6;
+/// More slices than a pixel each, because a slice may lie between bins of which one is denser.
+const MARGIN: f64 = 1.03;
 /// Rays that one task looks at.
 const AT_ONCE: usize = 1 << 14;
 
@@ -96,7 +98,7 @@ impl Slices {
         let denser = |a: Vec<f32>, b: Vec<f32>| a.iter().zip(&b).map(|(a, b)| a.max(*b)).collect();
         let densities = rays.par_chunks(pieces).map(dense).reduce_with(denser).unwrap_or_default();
         let (mut cumulated, mut first) = (Vec::with_capacity(bundles * (BINS + 1)), vec![0]);
-        let width = 2.0 * PI / BINS as f64 * a_pixel;
+        let width = 2.0 * PI / BINS as f64 * a_pixel * MARGIN;
         for density in densities.chunks_exact(BINS) {
             let mut sum = 0.0_f64;
             cumulated.push(0.0);
