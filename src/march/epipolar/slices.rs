@@ -12,8 +12,6 @@ const BINS: usize = 2048;
 const BANDS: u32 = 24;
 /// The least angle between neighbouring pixels, in radians.
 const LEAST_ANGLE: f64 = 1e-6;
-/// More slices than a pixel each, because a slice may lie between bins of which one is denser.
-const MARGIN: f64 = 1.03;
 /// Rays that one task looks at.
 const AT_ONCE: usize = 1 << 14;
 
@@ -98,13 +96,13 @@ impl Slices {
         let denser = |a: Vec<f32>, b: Vec<f32>| a.iter().zip(&b).map(|(a, b)| a.max(*b)).collect();
         let densities = rays.par_chunks(pieces).map(dense).reduce_with(denser).unwrap_or_default();
         let (mut cumulated, mut first) = (Vec::with_capacity(bundles * (BINS + 1)), vec![0]);
-        let width = 2.0 * PI / BINS as f64 * a_pixel * MARGIN;
+        let width = 2.0 * PI / BINS as f64 * a_pixel;
         for density in densities.chunks_exact(BINS) {
             let mut sum = 0.0_f64;
             cumulated.push(0.0);
-            for density in density {
+            for density in spread(density, width) {
                 // A slice ends where there are no rays, so that none has rays of two places.
-                sum = if *density > 0.0 { sum + f64::from(*density) * width } else { sum.ceil() };
+                sum = if density > 0.0 { sum + f64::from(density) * width } else { sum.ceil() };
                 cumulated.push(sum as f32);
             }
             first.push(first[first.len() - 1] + sum.ceil() as u32);
@@ -126,4 +124,15 @@ impl Slices {
         let [first, next] = [self.first[bundle], self.first[bundle + 1]];
         (first + slice).min(next - 1) as usize
     }
+}
+
+/// The density of each bin, as far as a slice of it reaches: so a slice that begins in another bin is no wider there.
+fn spread(density: &[f32], width: f64) -> Vec<f32> {
+    let mut spread = vec![0.0_f32; BINS];
+    for (bin, &density) in density.iter().enumerate().filter(|(_, density)| **density > 0.0) {
+        let reach = ((f64::from(density) * width).recip().ceil() as usize).min(BINS);
+        let near = bin.saturating_sub(reach)..(bin + reach + 1).min(BINS);
+        spread[near].iter_mut().for_each(|near| *near = near.max(density));
+    }
+    spread
 }
