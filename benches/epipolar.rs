@@ -25,6 +25,7 @@ fn main() {
         samples: number(2, 1024.0) as usize,
         tolerance: number(3, 1e-4),
         density: number(4, 1.0),
+        between: number(5, 0.0) > 0.5,
     };
     for name in ["citadel", "nave", "forest"] {
         let sets = [

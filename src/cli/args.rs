@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::io::image::ExrCompression;
 use crate::io::scene_file::{MemorySize, Subject, parse_size};
 use crate::io::volume::Format;
+use crate::problem::DrawingMethod;
 use crate::scene::Look;
 use crate::{Error, Result};
 
@@ -392,6 +393,13 @@ pub(crate) struct RenderArguments {
     /// Draws one part of the light alone: `scattering` is what the fog scatters of the sun, which paint is about.
     #[arg(long, value_name = "PART")]
     pub(crate) only: Option<OnlyLight>,
+    /// How what the fog scatters of the sun is drawn: exact, march[:steps], min-max[:samples], prefiltered[:coefficients],
+    /// epipolar[:samples] or bilateral[:steps].
+    #[arg(long, value_name = "METHOD[:N]", default_value_t = DrawingMethod::Exact)]
+    pub(crate) method: DrawingMethod,
+    /// Draws that with one ray for every N × N pixels; the others are between those that are as deep.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub(crate) reduced: u32,
     /// Leaves looks of the scene out, to compare: fill, extrude, pierce, transfer, heterogeneity, surfaces, or all; separated by commas.
     #[arg(long, value_name = "LOOKS", value_delimiter = ',')]
     pub(crate) without: Vec<LookName>,

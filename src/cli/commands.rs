@@ -18,7 +18,7 @@ use crate::io::to_json;
 #[cfg(feature = "studio")]
 use crate::job::Stop;
 use crate::job::{EngineChoice, Job, Options, Scenes, Written};
-use crate::problem::DrawnLight;
+use crate::problem::{Drawing, DrawnLight};
 use crate::{Error, Result};
 
 impl SceneArguments {
@@ -210,6 +210,10 @@ pub(super) fn render(arguments: &RenderArguments, manners: &Manners) -> Result<D
     if !matches!(job.scenes(), Scenes::LightMap(_)) && !arguments.without.is_empty() {
         return Err(Error::value("--without", "looks", "left away: volumes have none"));
     }
+    let drawing = Drawing { method: arguments.method, reduced: arguments.reduced as usize };
+    if !job.scenes().have_light_maps() && drawing != Drawing::default() {
+        return Err(Error::value("--method", drawing.method, "left away: volumes are drawn exactly"));
+    }
     let without = arguments.without.iter().flat_map(|look| look.kinds()).copied().collect();
     let light = match arguments.only {
         Some(OnlyLight::Scattering) => DrawnLight::Scattered,
@@ -221,6 +225,7 @@ pub(super) fn render(arguments: &RenderArguments, manners: &Manners) -> Result<D
         engine,
         turntable: arguments.turntable as usize,
         light,
+        drawing,
         exr,
         without,
         ..Options::default()

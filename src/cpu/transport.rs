@@ -99,7 +99,7 @@ impl<T: Traversal<f64, C>, F: Real, const C: usize> Transport<T, F, C> {
                     remedy: "raise solve.memory, lower the sizes, or choose the strategy `auto` or `matrix-free`",
                 });
             }
-            Strategy::Auto => {
+            Strategy::Auto | Strategy::Epipolar => {
                 let order = plan.order.bytes() as u64;
                 let share = budget.saturating_sub(order) as f64 / (bytes - order) as f64;
                 (rows as f64 * share) as usize / packing.chunk * packing.chunk

@@ -8,10 +8,11 @@ use super::engine::{Engine, On};
 use super::memory::MemoryBudget;
 use super::observer::Wish;
 use super::steps::Steps;
+use crate::march::EpipolarSettings;
 use crate::operator::{CpuVector, FromHost, Storage, TransportOperator, adjoint_test};
-use crate::problem::{OutOfReach, Paused, Problem, Solved, solve};
+use crate::problem::{OutOfReach, Paused, Problem, Solved, Transports, solve};
 use crate::report::Work;
-use crate::scene::{Rgb, SolveSettings};
+use crate::scene::{Rgb, SolveSettings, Strategy};
 use crate::solve::{Control, Outcome, StopReason};
 use crate::{Error, Result, Warning};
 
@@ -82,16 +83,28 @@ impl ProblemSolve<'_> {
             steps.begin("walking", None);
             match on {
                 On::Cpu => {
+                    let near = near_rows(problem, settings)?;
+                    let near = near.map(|near| near.on_cpu(settings.strategy, budget)).transpose()?;
                     let operator = problem.on_cpu(settings.strategy, budget)?;
-                    self.with(&operator, None, resumed, &mut || {}, steps, after)
+                    self.with((&operator, near.as_ref()), None, resumed, &mut || {}, steps, after)
                 }
                 #[cfg(feature = "gpu")]
                 On::Gpu(gpu) => {
-                    let operator = problem.on_gpu(&gpu, settings.strategy, budget, options.deterministic)?;
+                    let near = near_rows(problem, settings)?;
+                    let on_gpu = |problem: &dyn Problem| {
+                        problem.on_gpu(&gpu, settings.strategy, budget, options.deterministic)
+                    };
+                    let (operator, near) = (on_gpu(problem)?, near.map(|near| on_gpu(&*near)).transpose()?);
                     let (record, mut trips) = (gpu.record(), Vec::new());
                     let mut each = || trips.push(gpu.round_trips());
-                    let (computed, of_it) =
-                        self.with(&operator, Some(&record.name), resumed, &mut each, steps, after)?;
+                    let (computed, of_it) = self.with(
+                        (&operator, near.as_ref()),
+                        Some(&record.name),
+                        resumed,
+                        &mut each,
+                        steps,
+                        after,
+                    )?;
                     let work = Some(work(&gpu, &trips, operator.is_deterministic()));
                     Ok((Computed { backend: "gpu", device: device(record), work, ..computed }, of_it))
                 }
@@ -103,7 +116,7 @@ impl ProblemSolve<'_> {
     /// every iteration.
     fn with<O: TransportOperator, T>(
         &self,
-        operator: &O,
+        (operator, near): (&O, Option<&O>),
         adapter: Option<&str>,
         resumed: Option<Paused>,
         each: &mut dyn FnMut(),
@@ -121,8 +134,13 @@ impl ProblemSolve<'_> {
         let (limit, options) = (self.settings.iterations, self.options);
         steps.begin("solving", Some(limit as u64));
         let mut saved = Instant::now();
-        let solved =
-            solve(self.problem, operator, &coverage, self.settings, resumed, |history, snapshot| {
+        let solved = solve(
+            self.problem,
+            Transports { exact: operator, near },
+            &coverage,
+            self.settings,
+            resumed,
+            |history, snapshot| {
                 if snapshot.is_final() {
                     if let Some(checkpoint) = self.checkpoint {
                         checkpoint.finish(history, snapshot)?;
@@ -141,7 +159,8 @@ impl ProblemSolve<'_> {
                     saved = Instant::now();
                 }
                 Ok(if wish == Some(Wish::Stop) { Control::Stop } else { steps.control() })
-            })?;
+            },
+        )?;
         tell_of_limit(self.settings, &solved.outcome);
         let out_of_reach = OutOfReach::new(self.problem, operator, self.settings, &solved.x)?;
         // Whatever is missing where a solve has ended at the noise is noise.
@@ -165,6 +184,27 @@ impl ProblemSolve<'_> {
         };
         Ok((computed, of_it))
     }
+}
+
+/// The rows over slices that stand for the exact ones while a method iterates, where the settings ask for them.
+///
+/// Errors: [`Error::Value`] for a problem that has none; those of [`EpipolarTraversal::new`](crate::march::EpipolarTraversal::new).
+fn near_rows(problem: &dyn Problem, settings: &SolveSettings) -> Result<Option<Box<dyn Problem>>> {
+    if settings.strategy != Strategy::Epipolar {
+        return Ok(None);
+    }
+    let env = |n: &str, d: f64| std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d);
+    let sliced = problem.sliced(EpipolarSettings {
+        slices: env("XS", 1.0),
+        density: env("XD", 1.0),
+        samples: 8192,
+        tolerance: env("XT", 1e-4),
+        between: env("XB", 1.0) > 0.5,
+    });
+    let none = || {
+        Error::value("solve.strategy", "epipolar", "another one here: light maps alone have rows over slices")
+    };
+    sliced.transpose()?.map(Some).ok_or_else(none)
 }
 
 /// Says where a solve has ended that was not asked to end early.

@@ -13,7 +13,7 @@ use super::light_views::draw_views;
 use super::steps::{Steps, Timings};
 use super::{Options, Scenes, peak_memory, warnings};
 use crate::io::scene_file::Chosen;
-use crate::problem::{DrawnLight, fit, settle_key_frames};
+use crate::problem::{Drawing, DrawnLight, fit, settle_key_frames};
 use crate::report::{self, AnimationRecord, Change, KeyRecord, Report, StageRecord};
 use crate::scene::{AnimatedScene, Image, KeySpan, LightMaps, Rgb, Scene, mixed, rgb};
 use crate::visibility::Geometry;
@@ -143,7 +143,13 @@ impl FoundLightAnimation {
         let scene = self.animated.at(frame)?;
         let maps = fit(&scene, &scene.light_map, &self.geometry)?;
         let light_map = self.light_map_at(frame, &scene);
-        let drawn = draw_views(&scene, &maps, (light_map.as_deref(), DrawnLight::All), engine, steps)?;
+        let drawn = draw_views(
+            &scene,
+            &maps,
+            (light_map.as_deref(), DrawnLight::All, Drawing::default()),
+            engine,
+            steps,
+        )?;
         Ok(drawn.map(|drawn| drawn.into_iter().map(|rendering| rendering.after).collect()))
     }
 

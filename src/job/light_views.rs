@@ -10,7 +10,7 @@ use super::folder::Folder;
 use super::placement::Placement;
 use super::steps::Steps;
 use super::warnings;
-use crate::problem::{DrawnLight, Maps, Renderer, Rendering, fit};
+use crate::problem::{Drawing, DrawnLight, Maps, Renderer, Rendering, fit};
 use crate::scene::{Image, Rgb, Scene};
 use crate::visibility::Geometry;
 use crate::{Result, io};
@@ -19,12 +19,12 @@ use crate::{Result, io};
 pub(super) fn draw_views(
     scene: &Scene,
     maps: &Maps,
-    (light_map, light): (Option<&[Rgb]>, DrawnLight),
+    (light_map, light, drawing): (Option<&[Rgb]>, DrawnLight, Drawing),
     engine: &mut Engine,
     steps: &mut Steps<'_>,
 ) -> Result<Option<Vec<Rendering>>> {
     steps.begin("rendering", Some(scene.views.len() as u64));
-    let renderer = Renderer::new(scene, maps, light_map)?.showing(light);
+    let renderer = Renderer::new(scene, maps, light_map)?.showing(light).drawing(drawing);
     let mut drawn = Vec::new();
     for view in 0..scene.views.len() {
         if steps.stops() {
@@ -40,7 +40,7 @@ pub(super) fn draw_views(
 pub(super) fn draw(
     scenes: &[(String, Scene)],
     geometry: &Arc<Geometry>,
-    (light_map, light): (Option<&Path>, DrawnLight),
+    (light_map, light, drawing): (Option<&Path>, DrawnLight, Drawing),
     (engine, folder): (&mut Engine, &Folder),
     steps: &mut Steps<'_>,
     names: &mut Vec<String>,
@@ -65,7 +65,7 @@ pub(super) fn draw(
             warnings::tell_of_air(scene, &maps.geometry);
         }
         write_air(&maps, folder, prefix)?;
-        let Some(views) = draw_views(scene, &maps, (texels, light), engine, steps)? else {
+        let Some(views) = draw_views(scene, &maps, (texels, light, drawing), engine, steps)? else {
             return Ok(false);
         };
         let names = scene.views.iter().map(|view| format!("{prefix}{}", view.name));

@@ -3,10 +3,11 @@
 use super::default_budget;
 use crate::march::{FurtherWeights, ViewRay};
 use crate::operator::Tiling;
-use crate::problem::{Constraint, Optics, Problem, constraints, light_bytes, vectors};
+use crate::problem::{Constraint, Optics, Problem, SystemOperator, constraints, light_bytes, vectors};
 use crate::scene::{
     Find, KeyFrame, MetricName, RegularizationWeight, Scene, SolveSettings, SolverName, Strategy, VolumeScene,
 };
+use crate::solve::Correction;
 use crate::visibility::ShadowMap;
 use crate::{Error, Result, Warning};
 
@@ -73,7 +74,10 @@ impl MemoryBudget {
     pub(crate) fn beside_rows(&self, settings: &SolveSettings, problem: &dyn Problem) -> Result<u64> {
         let formulation = problem.formulation(settings)?;
         let (rows, unknowns) = (problem.rows(), formulation.elements());
-        let kept = vectors(settings.solver);
+        let mut kept = vectors(settings.solver);
+        if settings.strategy == Strategy::Epipolar {
+            kept = kept.and(Correction::<SystemOperator>::VECTORS);
+        }
         let asked = settings.regularization;
         let used = |weight: RegularizationWeight| usize::from(weight != RegularizationWeight::Relative(0.0));
         let among_neighbours = used(asked.gradient) + used(asked.laplacian);

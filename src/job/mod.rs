@@ -49,7 +49,7 @@ use crate::io::scene_file::{
     Animated, AnimatedDocument, AnimatedVolume, Document, Resolved, SceneFile, Subject, VolumeDocument,
 };
 use crate::io::volume::Format;
-use crate::problem::DrawnLight;
+use crate::problem::{Drawing, DrawnLight};
 use crate::scene::{AnimatedScene, Look, Scene, Sought, VolumeScene};
 use crate::{Error, Result, Warning, warning};
 
@@ -168,6 +168,8 @@ pub struct Options {
     pub turntable: usize,
     /// What pictures of views under a light map show; those beside a light map that was found show all light.
     pub light: DrawnLight,
+    /// How what the medium scatters of the sun is drawn, where views are drawn and nothing is solved.
+    pub drawing: Drawing,
     /// The formats that volumes are written in.
     pub formats: Vec<Format>,
     /// Looks that pictures of views are drawn without, to compare; those of a solve have them all.
@@ -193,6 +195,7 @@ impl Default for Options {
             exr: ExrCompression::default(),
             turntable: 8,
             light: DrawnLight::All,
+            drawing: Drawing::default(),
             without: Vec::new(),
             formats: vec![Format::Npy, Format::Vdb],
             frames: None,
@@ -383,7 +386,7 @@ impl Job {
                 let geometry = self.scenes.geometry()?;
                 let mut scenes = self.scenes.light_scenes(&geometry)?;
                 scenes.iter_mut().for_each(|(_, scene)| self.leave_out(scene));
-                let shown = (light_map, self.options.light);
+                let shown = (light_map, self.options.light, self.options.drawing);
                 light_views::draw(&scenes, &geometry, shown, (&mut engine, &folder), &mut steps, &mut names)?
             }
             false => {

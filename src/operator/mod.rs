@@ -33,7 +33,7 @@ pub use restricted::Restricted;
 pub use row_order::RowOrder;
 pub use row_table::{MatrixRows, RowTable};
 pub use scaled::{Identity, Scaled};
-pub use stacked::{BlockSum, Blocks, Stacked};
+pub use stacked::{BlockSum, Blocks, Stacked, Under};
 pub use sum::Sum;
 pub use tiling::{TileBlocks, Tiling};
 pub use transport::{FromHost, HostRows, OnHost, Picked, Storage, TransportOperator};

@@ -44,6 +44,11 @@ impl<'a, V: Vector, R: Vector> Stacked<'a, V, R> {
         Ok(self)
     }
 
+    /// The same stack with another operator in the place of its upper one.
+    pub fn under<'b>(&'b self, upper: &'b dyn LinearOperator<Domain = V, Range = R>) -> Under<'b, V, R> {
+        Under { upper, lower: &self.lower, scratch: &self.scratch }
+    }
+
     /// Each lower operator applied to x.
     ///
     /// Errors: [`Error::Shape`](crate::Error::Shape) for an x of another length; those of the operators.
@@ -76,6 +81,40 @@ impl<V: Vector, R: Vector> LinearOperator for Stacked<'_, V, R> {
     }
 
     fn apply(&self, x: &V, y: &mut Blocks<R, V>) -> Result<()> {
+        self.under(&*self.upper).apply(x, y)
+    }
+
+    fn apply_adjoint(&self, y: &Blocks<R, V>, x: &mut V) -> Result<()> {
+        self.under(&*self.upper).apply_adjoint(y, x)
+    }
+}
+
+/// A stack of whose operators the upper one is another: [`Stacked::under`].
+pub struct Under<'a, V, R = V> {
+    upper: &'a dyn LinearOperator<Domain = V, Range = R>,
+    lower: &'a [Block<'a, V, V>],
+    scratch: &'a Mutex<V>,
+}
+
+impl<V, R> std::fmt::Debug for Under<'_, V, R> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Under of {}", 1 + self.lower.len())
+    }
+}
+
+impl<V: Vector, R: Vector> LinearOperator for Under<'_, V, R> {
+    type Domain = V;
+    type Range = Blocks<R, V>;
+
+    fn domain(&self) -> V {
+        super::lock(self.scratch).zeros_like()
+    }
+
+    fn range(&self) -> Blocks<R, V> {
+        Blocks::new(self.upper.range(), self.lower.iter().map(|block| block.range()).collect())
+    }
+
+    fn apply(&self, x: &V, y: &mut Blocks<R, V>) -> Result<()> {
         y.expect(self.lower.len())?;
         self.upper.apply(x, &mut y.upper)?;
         self.lower.iter().zip(&mut y.lower).try_for_each(|(block, y)| block.apply(x, y))
@@ -84,7 +123,7 @@ impl<V: Vector, R: Vector> LinearOperator for Stacked<'_, V, R> {
     fn apply_adjoint(&self, y: &Blocks<R, V>, x: &mut V) -> Result<()> {
         y.expect(self.lower.len())?;
         self.upper.apply_adjoint(&y.upper, x)?;
-        let mut lower = super::lock(&self.scratch);
+        let mut lower = super::lock(self.scratch);
         for (block, y) in self.lower.iter().zip(&y.lower) {
             block.apply_adjoint(y, &mut lower)?;
             x.axpby([1.0; 3], &lower, [1.0; 3]);

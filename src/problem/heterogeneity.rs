@@ -5,15 +5,11 @@ use rayon::prelude::*;
 
 use super::sight::Sight;
 use super::transfer::seen_far;
+use super::upsampling::Coarse;
 use crate::Result;
 use crate::march::HeterogeneityField;
 use crate::scene::{AirStroke, BlendVolume, Camera, Heterogeneity, Ray, Scene};
 use crate::visibility::Geometry;
-
-/// Rays of about the same depth differ by this share of it at most.
-const ALIKE: f64 = 0.1;
-/// The part of its neighbours' weights that a pixel must keep, or its own ray is asked.
-const KNOWN: f64 = 0.05;
 
 /// Heterogeneous air around the views of a scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,9 +72,9 @@ impl HeterogeneousAir {
                 let ray = camera.ray(x.min(right), y.min(bottom));
                 let length =
                     geometry.first_hit(&ray, f64::INFINITY).map_or(f64::INFINITY, |hit| hit.distance);
-                [self.end(length), self.factor(&ray, length)]
+                (self.end(length), [self.factor(&ray, length)])
             };
-            Coarse { width, samples: (0..width * height).into_par_iter().map(sample).collect() }
+            Coarse::new(width, (0..width * height).into_par_iter().map(sample).collect())
         });
         PictureAir { air: self, camera, coarse }
     }
@@ -93,13 +89,7 @@ impl HeterogeneousAir {
 pub(super) struct PictureAir<'a> {
     air: &'a HeterogeneousAir,
     camera: &'a Camera,
-    coarse: Option<Coarse>,
-}
-
-/// Depths and factors of the rays through the corners of squares of pixels.
-struct Coarse {
-    width: usize,
-    samples: Vec<[f64; 2]>,
+    coarse: Option<Coarse<1>>,
 }
 
 impl PictureAir<'_> {
@@ -108,28 +98,9 @@ impl PictureAir<'_> {
         let found = self.coarse.as_ref().and_then(|coarse| {
             let width = self.camera.size()[0];
             let at = [pixel % width, pixel / width].map(|at| (at as f64 + 0.5) / self.air.upsample as f64);
-            coarse.between(at, self.air.end(length))
+            coarse.between(at, self.air.end(length)).map(|[factor]| factor)
         });
         found.unwrap_or_else(|| self.air.factor(ray, length))
-    }
-}
-
-impl Coarse {
-    /// Bilinear between the four samples around a place, of those that are about as deep (Kopf et al. 2007); none where no such sample is near.
-    fn between(&self, at: [f64; 2], depth: f64) -> Option<f64> {
-        let [x, y] = at.map(|at| at as usize);
-        let [u, v] = at.map(f64::fract);
-        let (mut sum, mut weights) = (0.0, 0.0);
-        for (i, j, weight) in
-            [(0, 0, (1.0 - u) * (1.0 - v)), (1, 0, u * (1.0 - v)), (0, 1, (1.0 - u) * v), (1, 1, u * v)]
-        {
-            let [deep, factor] = self.samples[(y + j) * self.width + x + i];
-            let apart = (deep - depth) / (ALIKE * depth.max(f64::MIN_POSITIVE));
-            let weight = weight * (1.0 - apart * apart).max(0.0);
-            sum += weight * factor;
-            weights += weight;
-        }
-        (weights > KNOWN).then(|| sum / weights)
     }
 }
 

@@ -12,19 +12,21 @@ use super::painted_rows::PaintedRows;
 use super::solved::not_finite;
 use super::surroundings::AllLight;
 use super::{
-    Constraint, Formulation, Lattice, Maps, Painting, Part, Problem, Solved, Start, Surfaces, Traced,
-    Unskipped, constraints,
+    Constraint, Formulation, Lattice, Maps, Painting, Part, Problem, SlicedProblem, Solved, Start, Surfaces,
+    Traced, Unskipped, constraints,
 };
 use crate::cpu::{HostOperator, Mixed};
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator, Kept, Walked};
-use crate::march::{FurtherWeights, LightMapTransport, LightMapTraversal, Real, ViewRay};
+use crate::march::{
+    EpipolarSettings, EpipolarTraversal, FurtherWeights, LightMapTransport, LightMapTraversal, Real, ViewRay,
+};
 use crate::operator::{CpuVector, OnHost, WalkPlan, parallel};
 #[cfg(feature = "gpu")]
 use crate::operator::{HostRows, RowTable, Sum};
 use crate::scene::{
-    Fade, Opacity, Quadrature, RegularizationWeight, Rgb, Scene, SolveSettings, Strategy, Target, luminance,
-    rgb,
+    Camera, Fade, Opacity, Quadrature, RegularizationWeight, Rgb, Scene, SolveSettings, Strategy, Target,
+    luminance, rgb,
 };
 use crate::sparse::ExplicitMatrix;
 use crate::visibility::{Geometry, ShadowMap};
@@ -69,8 +71,8 @@ pub struct LightMapProblem {
     /// What walking the rows will take.
     plan: WalkPlan,
     colors: Colors,
-    /// Columns of each view's picture.
-    widths: Vec<usize>,
+    /// The camera of each view.
+    cameras: Arc<[Camera]>,
     /// Whether what rows show is their weight, all of it and that from outside the map, times the light's radiance.
     knows_weights: bool,
 }
@@ -160,7 +162,7 @@ impl LightMapProblem {
             lit,
             plan,
             colors,
-            widths: all.iter().flat_map(|scene| &scene.views).map(|view| view.camera.size()[0]).collect(),
+            cameras: all.iter().flat_map(|scene| &scene.views).map(|view| view.camera.clone()).collect(),
         };
         problem.targets = (0..problem.constraints.len()).map(|row| problem.target(row)).collect();
         Ok(problem)
@@ -294,7 +296,7 @@ impl LightMapProblem {
             keep: self.keep.clone(),
             further_start: self.further_start.clone(),
             lit: self.lit.clone(),
-            widths: self.widths.clone(),
+            cameras: self.cameras.clone(),
             plan: WalkPlan::of(&traversal, colors.are_grey()),
             colors,
             traversal,
@@ -305,6 +307,12 @@ impl LightMapProblem {
     /// The same problem along other rows of the same rays.
     fn along(&self, traversal: LightMapTraversal) -> Self {
         Self { plan: WalkPlan::of(&traversal, self.is_grey()), traversal, ..self.clone() }
+    }
+
+    /// The angle between the ray of a row and those of the pixels beside it, in radians.
+    pub(super) fn pixel_angle(&self, row: usize) -> f64 {
+        let Constraint { view, x, y, .. } = self.constraints[row];
+        self.cameras[view].pixel_angle(x, y)
     }
 
     /// T on the processor.
@@ -338,7 +346,7 @@ impl Problem for LightMapProblem {
 
     fn pixel(&self, row: usize) -> [usize; 2] {
         let Constraint { view, x, y, .. } = self.constraints[row];
-        [view, y * self.widths[view] + x]
+        [view, y * self.cameras[view].size()[0] + x]
     }
 
     fn plan(&self) -> &WalkPlan {
@@ -441,6 +449,14 @@ impl Problem for LightMapProblem {
             work: [nodes(self), nodes(&texels)],
             problem: Box::new(texels),
         })
+    }
+
+    fn sliced(&self, settings: EpipolarSettings) -> Option<Result<Box<dyn Problem>>> {
+        let sliced = || -> Result<Box<dyn Problem>> {
+            let rows = EpipolarTraversal::new(&self.traversal, &|row| self.pixel_angle(row), settings)?;
+            Ok(Box::new(SlicedProblem::new(Box::new(self.clone()), rows, settings)))
+        };
+        Some(sliced())
     }
 
     fn most_lost(&self) -> Option<f64> {

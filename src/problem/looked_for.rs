@@ -9,7 +9,7 @@ use crate::Result;
 use crate::cpu::{HostOperator, kept_bytes};
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceOperator, Gpu, GpuOperator};
-use crate::march::{Real, Traversal};
+use crate::march::{EpipolarSettings, Real, Traversal};
 #[cfg(feature = "gpu")]
 use crate::operator::HostRows;
 use crate::operator::{CpuVector, OnHost, WalkPlan};
@@ -60,6 +60,11 @@ pub trait Problem: Debug + Send + Sync {
 
     /// The same rows, walked without skipping what is empty or evenly lit. None where these rows skip nothing.
     fn unskipped(&self) -> Option<Unskipped>;
+
+    /// The same pixels over slices: rows whose cost does not grow with the map, near the exact ones. None where there are no such rows.
+    fn sliced(&self, _settings: EpipolarSettings) -> Option<Result<Box<dyn Problem>>> {
+        None
+    }
 
     /// Bound on what cutting the rows at the transmittance bound loses: the norm of the loss over all rows and channels, for
     /// elements of 1. None where no bound is known.

@@ -2,6 +2,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::drawing::{Drawing, SunLight, scattered};
 use super::painted_rows::transport;
 use super::scattering::{Light, Scattering};
 use super::surroundings::{Corners, Seen};
@@ -51,6 +52,7 @@ pub struct Renderer<'a> {
     maps: &'a Maps,
     changed: Option<Changed>,
     light: DrawnLight,
+    drawing: Drawing,
 }
 
 impl<'a> Renderer<'a> {
@@ -60,7 +62,7 @@ impl<'a> Renderer<'a> {
     /// Errors: [`Error::Shape`] for a light map of another size.
     pub fn new(scene: &'a Scene, maps: &'a Maps, light_map: Option<&[Rgb]>) -> Result<Self> {
         let changed = light_map.map(|texels| Changed::new(scene, maps, texels)).transpose()?;
-        Ok(Self { scene, maps, changed, light: DrawnLight::All })
+        Ok(Self { scene, maps, changed, light: DrawnLight::All, drawing: Drawing::default() })
     }
 
     /// Shows some of the light alone.
@@ -68,9 +70,14 @@ impl<'a> Renderer<'a> {
         Self { light, ..self }
     }
 
+    /// Draws what the medium scatters of the sun in another way.
+    pub fn drawing(self, drawing: Drawing) -> Self {
+        Self { drawing, ..self }
+    }
+
     /// The pictures of a view.
     ///
-    /// Errors: [`Error::NonFinite`] naming the pixel; those of an adapter.
+    /// Errors: [`Error::NonFinite`] naming the pixel; those of an adapter; [`Error::Empty`] for what another [`Drawing`] cannot show.
     pub fn picture(&self, view: usize, canvas: &Canvas) -> Result<Rendering> {
         let view = &self.scene.views[view];
         self.picture_from(&view.camera, &format!("the picture of view `{}`", view.name), canvas)
@@ -86,7 +93,9 @@ impl<'a> Renderer<'a> {
             is_grey: maps.is_grey(&scene.medium),
             change: changed.as_ref().map(|changed| &changed.difference[..]),
         };
-        let scattering = Scattering::new(canvas, light, maps)?;
+        let is_exact = self.drawing == Drawing::default();
+        let scattering = if is_exact { Some(Scattering::new(canvas, light, maps)?) } else { None };
+        let mut of_picture: Vec<ViewRay> = Vec::new();
         let air = maps.heterogeneity.as_ref().map(|air| air.over_picture(camera, &maps.geometry));
         let surface_light = maps.surface_light.as_ref().filter(|_| self.light == DrawnLight::All);
         let arriving = surface_light.map(|light| light.arriving(camera, &maps.geometry));
@@ -102,7 +111,26 @@ impl<'a> Renderer<'a> {
                 air.as_ref().map_or(1.0, |air| air.factor(first + row, ray, length))
             };
             let arriving = arriving.as_ref().map(|arriving| &arriving[first..]);
-            pixels.append(&mut self.pixels(&seen, arriving, &air, &scattering)?);
+            let (rays, added) = self.view_rays(&seen, &air);
+            match &scattering {
+                Some(scattering) => {
+                    pixels.append(&mut self.pixels(&seen, arriving, (rays, &added), scattering)?)
+                }
+                None => {
+                    let beside = |(row, seen): (usize, &Seen)| {
+                        self.shown(seen, arriving.map(|it| it[row]), [added[row], [0.0; 3]])
+                    };
+                    pixels.par_extend(seen.par_iter().enumerate().map(beside));
+                    of_picture.extend(rays);
+                }
+            }
+        }
+        if !is_exact {
+            let scattered = self.scattered(camera, &of_picture)?;
+            pixels.par_iter_mut().zip(scattered).for_each(|([before, after], [plain, change])| {
+                (0..3).for_each(|c| before[c] += plain[c]);
+                (0..3).for_each(|c| after[c] += plain[c] + change[c]);
+            });
         }
         let picture = |which: usize| {
             let pixels = pixels.par_iter().map(|pixel| pixel[which]).collect();
@@ -111,23 +139,48 @@ impl<'a> Renderer<'a> {
         Ok(Rendering { before: picture(0)?, after: picture(1)? })
     }
 
-    /// Before and after of some pixels, at whose surfaces such light arrives in the place of the ambient light, and whose rays are through air of these factors.
+    /// The rays of some pixels through air of these factors, and what looks add to what they scatter.
+    fn view_rays(
+        &self,
+        seen: &[Seen],
+        air: &(dyn Fn(usize, &Ray, f64) -> f64 + Sync),
+    ) -> (Vec<ViewRay>, Vec<Rgb>) {
+        let ray = |(row, Seen { ray, hit, .. }): (usize, &Seen)| {
+            let length = hit.map_or(f64::INFINITY, |hit| hit.distance);
+            self.maps.view_ray_in(ray, length, &self.scene.medium, air(row, ray, length))
+        };
+        seen.par_iter().enumerate().map(ray).unzip()
+    }
+
+    /// What the medium scatters of the sun into a picture before, and what a light map changes of that, drawn in another way.
+    fn scattered(&self, camera: &Camera, rays: &[ViewRay]) -> Result<Vec<[Rgb; 2]>> {
+        let Self { scene, maps, changed, drawing, .. } = self;
+        let change = changed.as_ref().map(|changed| (&changed.difference[..], changed.sun));
+        let times = drawing.reduced;
+        let coarse = || -> Vec<ViewRay> {
+            let [width, height] = camera.size().map(|side| side.div_ceil(times) + 1);
+            let [right, bottom] = camera.size().map(|side| side as f64);
+            let ray = |index: usize| {
+                let [x, y] = [index % width, index / width].map(|at| (at * times) as f64);
+                let ray = camera.ray(x.min(right), y.min(bottom));
+                let hit = maps.geometry.first_hit(&ray, f64::INFINITY);
+                maps.view_ray(&ray, hit.map_or(f64::INFINITY, |hit| hit.distance), &scene.medium).0
+            };
+            (0..width * height).into_par_iter().map(ray).collect()
+        };
+        scattered(*drawing, SunLight { scene, maps, change }, camera, rays, &coarse)
+    }
+
+    /// Before and after of some pixels with such rays and what looks add to these, at whose surfaces such light arrives in the place of the
+    /// ambient light.
     fn pixels(
         &self,
         seen: &[Seen],
         arriving: Option<&[Rgb]>,
-        air: &(dyn Fn(usize, &Ray, f64) -> f64 + Sync),
+        (rays, added): (Vec<ViewRay>, &[Rgb]),
         scattering: &Scattering,
     ) -> Result<Vec<[Rgb; 2]>> {
         let Self { scene, maps, changed, .. } = self;
-        let (rays, added): (Vec<ViewRay>, Vec<Rgb>) = seen
-            .par_iter()
-            .enumerate()
-            .map(|(row, Seen { ray, hit, .. })| {
-                let length = hit.map_or(f64::INFINITY, |hit| hit.distance);
-                maps.view_ray_in(ray, length, &scene.medium, air(row, ray, length))
-            })
-            .unzip();
         let mut transport = transport(scene, maps, scene.solve.quadrature);
         transport.mask = changed.as_ref().map(|changed| changed.mask.clone());
         let has_panes = maps.geometry.has_panes();
@@ -141,17 +194,21 @@ impl<'a> Renderer<'a> {
                 [0.0, 0.0, 0.0] => [0.0; 3],
                 _ => rows.outside_weight(row),
             };
-            let changed_outside = rgb(|c| outside[c] as f32 * changed_sun[c]);
-            match self.light {
-                DrawnLight::Scattered => [plain, rgb(|c| plain[c] + change[c] + changed_outside[c])],
-                DrawnLight::All => {
-                    let [before, surface, around] =
-                        self.beside(&seen[row], arriving.map(|it| it[row]), plain);
-                    [before, rgb(|c| before[c] + change[c] + surface[c] + changed_outside[c] + around[c])]
-                }
-            }
+            let change = rgb(|c| change[c] + outside[c] as f32 * changed_sun[c]);
+            self.shown(&seen[row], arriving.map(|it| it[row]), [plain, change])
         };
         Ok(scattered.into_par_iter().enumerate().map(pixel).collect())
+    }
+
+    /// Before and after of a pixel, given what the medium scatters of the sun before, and what a light map changes of that.
+    fn shown(&self, seen: &Seen, arriving: Option<Rgb>, [plain, change]: [Rgb; 2]) -> [Rgb; 2] {
+        match self.light {
+            DrawnLight::Scattered => [plain, rgb(|c| plain[c] + change[c])],
+            DrawnLight::All => {
+                let [before, surface, around] = self.beside(seen, arriving, plain);
+                [before, rgb(|c| before[c] + change[c] + surface[c] + around[c])]
+            }
+        }
     }
 
     /// All that a pixel shows before, what of it the medium scatters of the sun being known; and what a light map changes of the sun on

@@ -1,12 +1,12 @@
-use super::system::System;
+use super::system::{System, Transports};
 use super::{Formulation, Problem, Solved};
-use crate::Result;
 use crate::operator::{CpuVector, Indexed, LinearOperator, Stacked, TransportOperator, Vector};
 use crate::scene::{Rgb, SolveSettings, SolverName};
 use crate::solve::{
-    Beginning, Cgls, Control, Fista, FlexibleCgls, History, Lbfgs, LeastSquares, Lsmr, Lsqr, Measure, Method,
-    Mprgp, Spectral, State, Vectors, drive, hand_out, outline, restore,
+    Beginning, Cgls, Control, Correction, Fista, FlexibleCgls, History, Lbfgs, LeastSquares, Lsmr, Lsqr,
+    Measure, Method, Mprgp, Spectral, State, Vectors, drive, hand_out, outline, restore,
 };
+use crate::{Error, Result};
 
 /// The state of a solve that was left, to be continued.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,15 +54,15 @@ pub type SystemOperator<'a, V = CpuVector, R = V> = Stacked<'a, V, R>;
 /// Solves a problem with [`minimize`], and completes what was found as the problem asks: a light map, for one, may be filled.
 ///
 /// Errors: as [`minimize`]; [`crate::Error::NonFinite`] names the element.
-pub fn solve<'b>(
+pub fn solve<'a, 'b, O: TransportOperator + 'a>(
     problem: &dyn Problem,
-    operator: &impl TransportOperator,
+    transports: impl Into<Transports<'a, O>>,
     coverage: &CpuVector,
     settings: &SolveSettings,
     begin: impl Into<Begin<'b>>,
     each: impl FnMut(&History, &mut dyn Snapshot) -> Result<Control>,
 ) -> Result<Solved> {
-    let solved = minimize(&problem.formulation(settings)?, operator, coverage, settings, begin, each)?;
+    let solved = minimize(&problem.formulation(settings)?, transports, coverage, settings, begin, each)?;
     problem.complete(settings, solved)
 }
 
@@ -85,20 +85,29 @@ impl From<Option<Paused>> for Begin<'_> {
 
 /// Minimizes `½ Σ w (T x − b)² + ½ Σ λᵢ ‖Rᵢ (x − x₀)‖², l ≤ x ≤ u` over the elements that some row reaches.
 ///
+/// Where another operator stands for T, residuals and gradients are those of T where the method ends, and it goes on until these agree
+/// (`solve/correction.rs`).
+///
 /// `coverage` is diag(Tᵀ diag(w) T); elements where it is zero are not unknowns. `each` is called after every
 /// iteration, and once more at the end.
 ///
 /// Errors: [`crate::Error::Value`] naming a setting, [`crate::Error::Empty`] when no element is reached, and what the method and `each`
 /// report. The elements may be infinite where the targets are; the caller can name them better.
-pub fn minimize<'b>(
+pub fn minimize<'a, 'b, O: TransportOperator + 'a>(
     problem: &Formulation,
-    operator: &impl TransportOperator,
+    transports: impl Into<Transports<'a, O>>,
     coverage: &CpuVector,
     settings: &SolveSettings,
     begin: impl Into<Begin<'b>>,
     mut each: impl FnMut(&History, &mut dyn Snapshot) -> Result<Control>,
 ) -> Result<Solved> {
-    let system = System::new(problem, operator, coverage, settings)?;
+    let transports = transports.into();
+    if transports.near.is_some() {
+        check_corrects(settings.solver)?;
+    }
+    let system = System::new(problem, transports, coverage, settings)?;
+    let exact = system.exact();
+    let correction = exact.as_ref().map(|exact| Correction::new(exact));
     let limits = system.limits(problem, settings);
     let misfit =
         |x: &_| problem.held_out.map_or(Ok(0.0), |rows| rows.misfit(&system.all_elements(problem, x)?));
@@ -106,11 +115,15 @@ pub fn minimize<'b>(
         Some(_) => system.problem().holding_out(&misfit),
         None => system.problem(),
     };
+    let least_squares = match &correction {
+        Some(correction) => least_squares.corrected(correction),
+        None => least_squares,
+    };
     let mut method = method(settings.solver, system.operator());
     let at;
     let beginning = match begin.into() {
         Begin::Resumed(paused) => {
-            restore(&mut *method, &paused.state)?;
+            restored(&mut *method, correction.as_ref(), paused.state)?;
             Beginning::Resumed(paused.history)
         }
         Begin::AtTheStart => Beginning::At(system.start()),
@@ -120,9 +133,22 @@ pub fn minimize<'b>(
         }
     };
     let outcome = drive(&mut *method, &least_squares, beginning, &limits, |history, method| {
-        each(history, &mut Moment { method, system: &system, problem, is_final: false })
+        each(
+            history,
+            &mut Moment {
+                method,
+                correction: correction.as_ref(),
+                system: &system,
+                problem,
+                is_final: false,
+            },
+        )
     })?;
-    each(&outcome.history, &mut Moment { method: &mut *method, system: &system, problem, is_final: true })?;
+    let correction = correction.as_ref();
+    each(
+        &outcome.history,
+        &mut Moment { method: &mut *method, correction, system: &system, problem, is_final: true },
+    )?;
     Ok(Solved {
         x: system.all_elements(problem, method.solution())?,
         columns: system.columns().to_vec(),
@@ -131,6 +157,32 @@ pub fn minimize<'b>(
         relative_weights: system.relative_weights(),
         set_up_applications: system.applications(),
     })
+}
+
+/// Errors: [`Error::Value`] for a method that cannot be corrected.
+fn check_corrects(solver: SolverName) -> Result<()> {
+    match solver {
+        SolverName::Fista | SolverName::Cgls | SolverName::ClampedCgls => Ok(()),
+        // Their line searches know ‖b − A x‖ alone, or they recur a gradient that is linear in it.
+        _ => Err(Error::value(
+            "solver",
+            format!("{solver:?}").to_lowercase(),
+            "fista, cgls or clamped-cgls where strategy is epipolar",
+        )),
+    }
+}
+
+/// Puts a method, and what corrects its operator, where they were left.
+fn restored<O: LinearOperator>(
+    method: &mut (impl Method<O> + ?Sized),
+    correction: Option<&Correction<'_, O>>,
+    mut state: State,
+) -> Result<()> {
+    if let Some(correction) = correction {
+        let own = state.vectors.split_off(state.vectors.len().saturating_sub(2));
+        correction.restore(&own)?;
+    }
+    restore(method, &state)
 }
 
 /// The method of a name.
@@ -184,6 +236,7 @@ pub fn measure<V: Vector, R: Vector>(
 
 struct Moment<'a, 'b, V: Indexed, R: Vector> {
     method: &'a mut (dyn Method<SystemOperator<'b, V, R>> + 'b),
+    correction: Option<&'a Correction<'a, SystemOperator<'b, V, R>>>,
     system: &'a System<'b, V, R>,
     problem: &'a Formulation<'a>,
     is_final: bool,
@@ -191,11 +244,14 @@ struct Moment<'a, 'b, V: Indexed, R: Vector> {
 
 impl<V: Indexed + 'static, R: Vector + 'static> Snapshot for Moment<'_, '_, V, R> {
     fn outline(&mut self) -> (Vec<usize>, Vec<f64>) {
-        outline(self.method)
+        let (mut lengths, scalars) = outline(self.method);
+        lengths.extend(self.correction.iter().flat_map(|it| it.outline()));
+        (lengths, scalars)
     }
 
     fn hand_out(&mut self, put: &mut dyn FnMut(Vec<[f64; 3]>) -> Result<()>) -> Result<()> {
-        hand_out(self.method, put)
+        hand_out(self.method, put)?;
+        self.correction.map_or(Ok(()), |it| it.hand_out(put))
     }
 
     fn is_final(&self) -> bool {

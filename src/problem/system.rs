@@ -6,8 +6,8 @@ use super::cells::{Cells, numbered};
 use super::{Formulation, Part};
 use crate::operator::{
     Blocks, Bounds, CpuVector, Gradient, Identity, Indexed, Laplacian, LinearOperator, Metric, NOWHERE,
-    Neighbours, Restricted, Scaled, Scaling, Stacked, Tiling, TransportOperator, Vector, Weighted, brought,
-    fetched,
+    Neighbours, Restricted, Scaled, Scaling, Stacked, Tiling, TransportOperator, Under, Vector, Weighted,
+    brought, fetched,
 };
 use crate::scene::{MetricName, RegularizationWeight, Rgb, SolveSettings};
 use crate::solve::{LeastSquares, Limits, Rule, Term, choose_weight};
@@ -25,12 +25,44 @@ pub struct RegularizationWeights {
     pub gradient: f64,
 }
 
+/// T, and what may stand for it while a method iterates.
+#[derive(Debug)]
+pub struct Transports<'a, O> {
+    /// T, which what is found is certified with.
+    pub exact: &'a O,
+    /// An operator that is near T and takes less time; none where T itself is iterated with.
+    pub near: Option<&'a O>,
+}
+
+impl<'a, O> From<&'a O> for Transports<'a, O> {
+    fn from(exact: &'a O) -> Self {
+        Self { exact, near: None }
+    }
+}
+
+impl<O> Clone for Transports<'_, O> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<O> Copy for Transports<'_, O> {}
+
+impl<'a, O> Transports<'a, O> {
+    /// What is iterated with.
+    fn used(self) -> &'a O {
+        self.near.unwrap_or(self.exact)
+    }
+}
+
 /// `[W T E; √λᵢ Rᵢ] x = [W b; √λᵢ Rᵢ x₀]`, with all that a method needs to solve it.
 ///
 /// Rows of T are divided by the norm of a typical column, so that f32 serves media of any density alike and a λ relative
 /// to the columns is a λ.
 pub struct System<'a, V: Indexed, R = V> {
     operator: Stacked<'a, V, R>,
+    /// W T E of T itself, where another operator stands for it above.
+    exact: Option<Box<dyn LinearOperator<Domain = V, Range = R> + 'a>>,
     rhs: Blocks<R, V>,
     start: V,
     bounds: Bounds,
@@ -55,17 +87,21 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
     ///
     /// Errors: [`Error::Value`] naming a setting or a row's weight, [`Error::Empty`] when no element is reached,
     /// [`Error::Shape`].
-    pub fn new(
+    pub fn new<O>(
         problem: &Formulation,
-        operator: &'a impl TransportOperator<Domain = V, Range = R>,
+        transports: impl Into<Transports<'a, O>>,
         coverage: &CpuVector,
         settings: &SolveSettings,
-    ) -> Result<Self> {
+    ) -> Result<Self>
+    where
+        O: TransportOperator<Domain = V, Range = R> + 'a,
+    {
         problem.check()?;
-        let mut system = Self::without_regularization(problem, operator, coverage, settings)?;
+        let transports = transports.into();
+        let mut system = Self::without_regularization(problem, transports, coverage, settings)?;
         let regularizers = system.regularizers(problem, coverage, settings)?;
         system.weights = system.choose(settings, &regularizers)?;
-        system.metric = system.build_metric(problem, operator, coverage, settings, &regularizers)?;
+        system.metric = system.build_metric(problem, transports.used(), coverage, settings, &regularizers)?;
         system.regularize(regularizers)
     }
 
@@ -103,6 +139,11 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
     /// Applications of the transport that setting up took.
     pub fn applications(&self) -> usize {
         self.applications
+    }
+
+    /// The operator with T itself, where another one stands for it.
+    pub fn exact(&self) -> Option<Under<'_, V, R>> {
+        self.exact.as_ref().map(|exact| self.operator.under(&**exact))
     }
 
     /// What a method solves.
@@ -152,7 +193,7 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
 
     fn without_regularization(
         problem: &Formulation,
-        operator: &'a impl TransportOperator<Domain = V, Range = R>,
+        transports: Transports<'a, impl TransportOperator<Domain = V, Range = R>>,
         coverage: &CpuVector,
         settings: &SolveSettings,
     ) -> Result<Self> {
@@ -182,7 +223,8 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         };
         let factor = |weight: f32| (f64::from(weight).sqrt() / norm) as f32;
         let factors: Vec<Rgb> = problem.weights.iter().map(|weights| weights.map(factor)).collect();
-        let factors = brought(operator.range(), &factors)?;
+        let operator = transports.used();
+        let brought_factors = || brought(operator.range(), &factors);
         let (mut picked, mut pulls) = (Vec::with_capacity(columns.len()), Vec::with_capacity(columns.len()));
         let before = |end: usize| columns.partition_point(|&column| (column as usize) < end);
         for ((range, part), scale) in problem.ranges().zip(scales) {
@@ -199,9 +241,16 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         let start = brought(operator.domain().zeros(columns.len()), &picked)?;
         // Where every element is unknown, there is nothing to leave out.
         let (operator, targets) = if columns.len() == elements {
-            weighted(operator, factors, &problem.targets)?
+            weighted(operator, brought_factors()?, &problem.targets)?
         } else {
-            weighted(Restricted::new(operator, columns.clone())?, factors, &problem.targets)?
+            weighted(Restricted::new(operator, columns.clone())?, brought_factors()?, &problem.targets)?
+        };
+        let exact: Option<Box<dyn LinearOperator<Domain = V, Range = R> + 'a>> = match transports.near {
+            None => None,
+            Some(_) => {
+                let exact = Restricted::new(transports.exact, columns.clone())?;
+                Some(Box::new(Weighted::new(exact, brought_factors()?)?))
+            }
         };
         let mut bounds = Bounds::NONE;
         if settings.solver.keeps_bounds() {
@@ -211,6 +260,7 @@ impl<'a, V: Indexed + 'static, R: Vector + 'static> System<'a, V, R> {
         }
         Ok(Self {
             operator,
+            exact,
             rhs: Blocks::new(targets, Vec::new()),
             start,
             bounds,

@@ -99,6 +99,8 @@ pub enum Strategy {
     Assembled,
     /// No row is kept.
     MatrixFree,
+    /// Rows over slices, corrected by the exact ones, of which as many are kept as memory allows.
+    Epipolar,
 }
 
 /// The methods that can solve the least-squares problem; those of the first group keep the bounds.

@@ -66,7 +66,7 @@ impl<O: LinearOperator> Cgls<O> {
 
     /// s, z and what follows from them, of the present r; gives ⟨s, z⟩.
     fn look(&mut self, problem: &LeastSquares<O>) -> Result<Scalars> {
-        problem.apply_adjoint(&self.r, &mut self.s)?;
+        problem.descent(&self.r, &mut self.s)?;
         let residual = self.r.dot_later(&self.r)?;
         let normal_residual = if self.clamped {
             self.z.axpby([-1.0; 3], &self.s, [0.0; 3]);

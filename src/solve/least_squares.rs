@@ -1,5 +1,6 @@
 use std::cell::Cell;
 
+use super::correction::{Correction, Defect};
 use crate::Result;
 use crate::operator::{Bounds, LinearOperator, Metric, PendingSum, Scalars, Vector, expect_len};
 
@@ -15,6 +16,7 @@ pub struct LeastSquares<'a, O: LinearOperator> {
     bounds: Bounds,
     metric: Option<&'a dyn Metric<O::Domain>>,
     held_out: Option<Misfit<'a, O::Domain>>,
+    correction: Option<&'a Correction<'a, O>>,
     applications: Cell<usize>,
 }
 
@@ -27,7 +29,15 @@ impl<O: LinearOperator> std::fmt::Debug for LeastSquares<'_, O> {
 impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     /// Without bounds and metric.
     pub fn new(operator: &'a O, rhs: &'a O::Range) -> Self {
-        Self { operator, rhs, bounds: Bounds::NONE, metric: None, held_out: None, applications: Cell::new(0) }
+        Self {
+            operator,
+            rhs,
+            bounds: Bounds::NONE,
+            metric: None,
+            held_out: None,
+            correction: None,
+            applications: Cell::new(0),
+        }
     }
 
     /// With bounds, for the methods that keep them; the others solve the problem without.
@@ -43,6 +53,32 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     /// With rows that are kept out of the fit: a solve ends where it brings them no nearer any more.
     pub fn holding_out(self, misfit: Misfit<'a, O::Domain>) -> Self {
         Self { held_out: Some(misfit), ..self }
+    }
+
+    /// With what makes residuals and gradients those of an exact operator, where they are looked at.
+    pub fn corrected(self, correction: &'a Correction<'a, O>) -> Self {
+        Self { correction: Some(correction), ..self }
+    }
+
+    /// Whether the operator is only near an exact one.
+    pub(super) fn is_corrected(&self) -> bool {
+        self.correction.is_some()
+    }
+
+    /// Makes residual and gradient at x those of the exact operator, where there is one.
+    pub(super) fn look_at(&self, x: &O::Domain) -> Result<()> {
+        let Some(correction) = self.correction else { return Ok(()) };
+        let Defect { of_rows, of_elements, row_room, element_room } = &mut *correction.defect();
+        self.applications.set(self.applications.get() + 2);
+        correction.exact().apply(x, of_rows)?;
+        row_room.copy_from(of_rows);
+        row_room.axpby([1.0; 3], self.rhs, [-1.0; 3]);
+        correction.exact().apply_adjoint(row_room, of_elements)?;
+        self.apply_adjoint(row_room, element_room)?;
+        of_elements.axpby([-1.0; 3], element_room, [1.0; 3]);
+        self.apply(x, row_room)?;
+        of_rows.axpby([-1.0; 3], row_room, [1.0; 3]);
+        Ok(())
     }
 
     /// ‖A x − b‖ of the rows that are kept out of the fit; none where there are none.
@@ -97,6 +133,9 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     pub fn residual(&self, x: &O::Domain, r: &mut O::Range) -> Result<()> {
         self.apply(x, r)?;
         r.axpby([1.0; 3], self.rhs, [-1.0; 3]);
+        if let Some(correction) = self.correction {
+            correction.correct_residual(r);
+        }
         Ok(())
     }
 
@@ -104,8 +143,19 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     ///
     /// Errors: those of the operator, [`Error::Shape`](crate::Error::Shape) for vectors that do not fit among them.
     pub fn gradient(&self, r: &O::Range, g: &mut O::Domain) -> Result<()> {
-        self.apply_adjoint(r, g)?;
+        self.descent(r, g)?;
         g.scale([-1.0; 3]);
+        Ok(())
+    }
+
+    /// s ← Aᵀ (b − A x), given r = b − A x.
+    ///
+    /// Errors: as [`Self::gradient`].
+    pub fn descent(&self, r: &O::Range, s: &mut O::Domain) -> Result<()> {
+        self.apply_adjoint(r, s)?;
+        if let Some(correction) = self.correction {
+            correction.correct_descent(s);
+        }
         Ok(())
     }
 

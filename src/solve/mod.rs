@@ -20,6 +20,7 @@
 mod bidiagonal;
 mod cgls;
 mod choose;
+mod correction;
 mod drive;
 mod fista;
 mod flexible;
@@ -35,6 +36,7 @@ mod stop;
 
 pub use cgls::Cgls;
 pub use choose::{Rule, Term, choose_weight};
+pub use correction::Correction;
 pub use drive::{Beginning, History, Outcome, Progress, drive};
 pub use fista::Fista;
 pub use flexible::FlexibleCgls;
@@ -75,6 +77,13 @@ pub struct Vectors {
     pub domain: usize,
     /// Like b.
     pub range: usize,
+}
+
+impl Vectors {
+    /// Both together.
+    pub fn and(self, other: Self) -> Self {
+        Self { domain: self.domain + other.domain, range: self.range + other.range }
+    }
 }
 
 /// What of a method lives from one iteration to the next.

@@ -99,7 +99,7 @@ impl GpuOperator {
             Strategy::MatrixFree => None,
             // Once on the adapter, once on the processor while it is made.
             _ if 2 * bytes <= budget => match keep() {
-                Err(error) if strategy == Strategy::Auto && is_of_size(&error) => None,
+                Err(error) if strategy != Strategy::Assembled && is_of_size(&error) => None,
                 kept => Some(kept?),
             },
             Strategy::Assembled => {
@@ -110,7 +110,7 @@ impl GpuOperator {
                     remedy: "raise solve.memory, lower the sizes, or choose the strategy `auto` or `matrix-free`",
                 });
             }
-            Strategy::Auto => None,
+            Strategy::Auto | Strategy::Epipolar => None,
         };
         let gpu = gpu.clone();
         Ok(match kept {

@@ -164,6 +164,8 @@ pub enum Strategy {
     Assembled,
     /// No row is kept.
     MatrixFree,
+    /// Rows over slices, whose cost does not grow with the maps, corrected by the exact ones until these agree. For light maps.
+    Epipolar,
 }
 
 impl Default for Solve {
@@ -391,7 +393,7 @@ same_names!(
     Solver, SolverName: Fista, Spectral, Lbfgs, Mprgp, FlexibleCgls, ClampedCgls, Cgls, Lsqr, Lsmr
 );
 same_names!(MetricName, MetricName: Auto, Tiles, Sqs, Jacobi, None);
-same_names!(Strategy, Strategy: Auto, Assembled, MatrixFree);
+same_names!(Strategy, Strategy: Auto, Assembled, MatrixFree, Epipolar);
 
 #[cfg(test)]
 mod tests {

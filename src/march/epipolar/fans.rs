@@ -25,11 +25,13 @@ pub struct EpipolarSettings {
     pub samples: usize,
     /// Largest error of the expansion of transmittance.
     pub tolerance: f64,
+    /// Whether a ray is between the two slices beside it, and not in the nearest one alone.
+    pub between: bool,
 }
 
 impl Default for EpipolarSettings {
     fn default() -> Self {
-        Self { slices: 1.0, density: 1.0, samples: 1024, tolerance: 2e-7 }
+        Self { slices: 1.0, density: 1.0, samples: 1024, tolerance: 2e-7, between: false }
     }
 }
 
@@ -70,7 +72,9 @@ pub struct Fan {
     pub step: f64,
     /// c of each sample.
     pub slopes: Vec<f32>,
-    /// The samples that light any ray, by falling c.
+    /// The samples that light any ray, or in which one ends, in order; what follows counts these alone.
+    needed: Vec<u16>,
+    /// Those that light any ray, by falling c.
     order: Vec<u16>,
     /// Its rays among all.
     rays: Range<usize>,
@@ -90,12 +94,35 @@ pub struct FanRay {
     pub q: f32,
     /// ξ where it ends, in metres.
     pub end: f32,
-    /// The number of samples that it passes as a whole.
+    /// The number of needed samples that it passes as a whole.
     whole: u32,
+    /// The needed sample in which it ends; none where that is dark.
+    last: u32,
     /// The weight of what it has of the next sample, cut where the ray leaves light or shadow.
     tail: [f32; 3],
-    /// Scattering factor a channel.
+    /// Scattering factor a channel, times the weight of the slice.
     scattering: [f32; 3],
+}
+
+/// No sample.
+const NONE: u32 = u32::MAX;
+
+impl FanRay {
+    /// What the ray loses of light between two ξ, of 1 at the eye.
+    #[inline]
+    pub fn extinguished(&self, sigma_t: [f64; 3], from: f64, to: f64) -> [f64; 3] {
+        let q = f64::from(self.q);
+        let of = |sigma: f64| (-sigma * q * from).exp() * -(-sigma * q * (to - from)).exp_m1();
+        match sigma_t == [sigma_t[0]; 3] {
+            true => [of(sigma_t[0]); 3],
+            false => sigma_t.map(of),
+        }
+    }
+
+    /// Scattering factor a channel.
+    pub fn scattering(&self) -> [f32; 3] {
+        self.scattering
+    }
 }
 
 /// Fans of all rays that show anything.
@@ -117,7 +144,7 @@ impl Fans {
     pub fn new(of: &SlicedRays, settings: EpipolarSettings) -> Self {
         let (groups, polar) = polar_rays(of);
         let slices = Slices::new(&polar, groups, of.angle, settings.slices);
-        let (polar, begins) = in_order(&polar, &slices);
+        let (polar, begins) = in_order(&polar, &slices, settings.between);
         let mut rays = vec![FanRay::default(); polar.len()];
         let parts = parted(&mut rays, &begins).into_par_iter().zip(&begins[..begins.len() - 1]);
         let fan = |(rays, &begin): (&mut [FanRay], &usize)| {
@@ -152,9 +179,9 @@ impl Fans {
         self.sigma_t
     }
 
-    /// All samples.
+    /// All samples that are needed.
     pub fn samples(&self) -> usize {
-        self.fans.iter().map(|fan| fan.slopes.len()).sum()
+        self.fans.iter().map(|fan| fan.needed.len()).sum()
     }
 
     /// The largest number of terms of any fan.
@@ -165,12 +192,14 @@ impl Fans {
     /// Bytes that fans and rays take.
     pub fn bytes(&self) -> u64 {
         let fan = |fan: &Fan| {
-            size_of::<Fan>() + 4 * fan.slopes.len() + 2 * fan.order.len() + 4 * fan.coefficients.len()
+            size_of::<Fan>()
+                + 4 * (fan.slopes.len() + fan.coefficients.len())
+                + 2 * (fan.order.len() + fan.needed.len())
         };
         (self.fans.iter().map(fan).sum::<usize>() + size_of_val(&self.rays[..])) as u64
     }
 
-    /// E x̂: what every ray shows of the light at the samples of its fan, which `light` puts there. The rays are those of
+    /// E x̂: what every ray shows of the light at the [needed](Fan::needed) samples of its fan, which `light` puts there. The rays are those of
     /// [`Self::rays`], in their order.
     ///
     /// Cost    O(log n) a ray and a sample, times the terms of the expansion
@@ -178,21 +207,35 @@ impl Fans {
         let mut shown = vec![[X::zero(); 4]; self.rays.len()];
         let parts: Vec<(&Fan, &mut [[X; 4]])> = self.with_parts(&mut shown);
         parts.into_par_iter().for_each_init(Sweep::default, |sweep, (fan, shown)| {
-            let samples = sweep.samples(fan.slopes.len());
+            let samples = sweep.samples(fan.needed.len());
             light(fan, samples);
             per_terms!(fan.expansion.terms(), M => fan.gather::<X, M>(self, sweep, shown));
         });
         shown
     }
 
-    /// Eᵀ y: what arrives at the samples of every fan from such numbers of its rays, in their order.
+    /// Eᵀ y: what arrives at the [needed](Fan::needed) samples of every fan from such numbers of its rays, in their order.
     pub fn scatter<X: Real>(&self, y: &(dyn Fn(&FanRay) -> [X; 3] + Sync)) -> Vec<Vec<[X; 4]>> {
         let scatter = |sweep: &mut Sweep<X>, fan: &Fan| {
-            sweep.samples(fan.slopes.len());
+            sweep.samples(fan.needed.len());
             per_terms!(fan.expansion.terms(), M => fan.scatter::<X, M>(self, sweep, y));
             sweep.samples.clone()
         };
         self.fans.par_iter().map_init(Sweep::default, scatter).collect()
+    }
+
+    /// Adds what all rays show of light before the first sample of their fan and behind the last one.
+    pub fn add_beside(&self, light: [f32; 3], shown: &mut [[f32; 4]]) {
+        self.with_parts(shown).into_par_iter().for_each(|(fan, shown)| {
+            let [first, last] = [fan.first, fan.last()];
+            for (ray, shown) in self.rays_of(fan).iter().zip(shown) {
+                let end = f64::from(ray.end);
+                let before = ray.extinguished(self.sigma_t, 0.0, first.min(end));
+                let behind = if end > last { ray.extinguished(self.sigma_t, last, end) } else { [0.0; 3] };
+                let weight = |c: usize| ray.scattering[c] * (before[c] + behind[c]) as f32;
+                (0..3).for_each(|c| shown[c] += weight(c) * light[c]);
+            }
+        });
     }
 
     /// Pieces of what there is one of a ray, fan by fan.
@@ -257,27 +300,51 @@ impl Fan {
         let slopes: Vec<f32> = (0..samples).map(slope).collect();
         let sigma = of.sigma_t.iter().copied().fold(0.0, f64::max);
         let expansion = Expansion::new(q, sigma * last, settings.tolerance);
-        let least = polar.iter().map(|ray| ray.kappa).fold(f32::INFINITY, f32::min);
-        let mut order: Vec<u16> = (0..samples as u16).filter(|&j| slopes[usize::from(j)] >= least).collect();
-        order.sort_unstable_by(|&a, &b| slopes[usize::from(b)].total_cmp(&slopes[usize::from(a)]));
         let mut fan = Self {
             eye,
             direction,
             first,
             step,
             slopes,
-            order,
+            needed: Vec::new(),
+            order: Vec::new(),
             rays: begin..begin + rays.len(),
             coefficients: Vec::with_capacity(rays.len() * expansion.terms()),
             expansion,
         };
         let mut polar = polar.to_vec();
         polar.sort_unstable_by(|a, b| b.kappa.total_cmp(&a.kappa).then(a.row.cmp(&b.row)));
-        for (polar, ray) in polar.iter().zip(rays) {
+        for (polar, ray) in polar.iter().zip(&mut *rays) {
             *ray = fan.ray(of, polar);
             fan.expansion.coefficients(f64::from(polar.q), |a| fan.coefficients.push(a as f32));
         }
+        fan.keep_what_is_needed(rays);
         fan
+    }
+
+    /// Leaves out the samples that light no ray; `rays` are by falling κ, and count all samples so far.
+    fn keep_what_is_needed(&mut self, rays: &mut [FanRay]) {
+        let least = rays.last().map_or(f32::INFINITY, |ray| ray.kappa);
+        let farthest = rays.iter().map(|ray| ray.whole as usize).max().unwrap_or(0);
+        let mut is_needed: Vec<bool> = self.slopes.iter().map(|&slope| slope >= least).collect();
+        is_needed[farthest.min(self.slopes.len())..].fill(false);
+        rays.iter().filter(|ray| ray.last != NONE).for_each(|ray| is_needed[ray.last as usize] = true);
+        let mut numbers = Vec::with_capacity(is_needed.len() + 1);
+        for (sample, &is_needed) in is_needed.iter().enumerate() {
+            numbers.push(self.needed.len() as u32);
+            if is_needed {
+                self.needed.push(sample as u16);
+            }
+        }
+        numbers.push(self.needed.len() as u32);
+        for ray in rays {
+            ray.whole = numbers[ray.whole as usize];
+            ray.last = if ray.last == NONE { NONE } else { numbers[ray.last as usize] };
+        }
+        self.order = (0..self.needed.len() as u16).filter(|&needed| self.slope(needed) >= least).collect();
+        let mut order = std::mem::take(&mut self.order);
+        order.sort_unstable_by(|&a, &b| self.slope(b).total_cmp(&self.slope(a)));
+        self.order = order;
     }
 
     fn ray(&self, of: &SlicedRays, polar: &PolarRay) -> FanRay {
@@ -288,8 +355,9 @@ impl Fan {
             Some(&slope) => self.tail(of.sigma_t, polar, whole, slope),
             None => [0.0; 3],
         };
-        let scattering = of.rays[row as usize].scattering.map(|it| it as f32);
-        FanRay { row, kappa, q, end, whole: whole as u32, tail, scattering }
+        let last = if tail == [0.0; 3] { NONE } else { whole as u32 };
+        let scattering = of.rays[row as usize].scattering.map(|it| (it * f64::from(polar.share)) as f32);
+        FanRay { row, kappa, q, end, whole: whole as u32, last, tail, scattering }
     }
 
     /// The weight of the part of a sample up to the end of a ray, cut where it crosses the depth of the sample.
@@ -308,10 +376,14 @@ impl Fan {
         if to <= from {
             return [0.0; 3];
         }
-        sigma_t.map(|sigma| ((-sigma * q * from).exp() * -(-sigma * q * (to - from)).exp_m1()) as f32)
+        let of = |sigma: f64| ((-sigma * q * from).exp() * -(-sigma * q * (to - from)).exp_m1()) as f32;
+        match sigma_t == [sigma_t[0]; 3] {
+            true => [of(sigma_t[0]); 3],
+            false => sigma_t.map(of),
+        }
     }
 
-    /// Of each sample and term in turn the weight `e^{−σ q_m a} − e^{−σ q_m b}` between its edges a and b.
+    /// Of each needed sample and term in turn the weight `e^{−σ q_m a} − e^{−σ q_m b}` between its edges a and b.
     fn weights<const M: usize>(&self, sigma_t: [f64; 3], mut visit: impl FnMut(usize, &[[f64; 3]; M])) {
         let nodes = self.expansion.nodes();
         let of = |value: &dyn Fn(f64, f64) -> f64| -> [[f64; 3]; M] {
@@ -320,11 +392,15 @@ impl Fan {
         let ratios = of(&|sigma, q| (-sigma * q * self.step).exp());
         let mut weights =
             of(&|sigma, q| (-sigma * q * self.first).exp() * -(-sigma * q * self.step).exp_m1());
-        for j in 0..self.slopes.len() {
-            visit(j, &weights);
-            for (weight, ratio) in weights.iter_mut().zip(&ratios) {
-                (0..3).for_each(|c| weight[c] *= ratio[c]);
+        let mut at = 0;
+        for (number, &sample) in self.needed.iter().enumerate() {
+            for _ in at..sample {
+                for (weight, ratio) in weights.iter_mut().zip(&ratios) {
+                    (0..3).for_each(|c| weight[c] *= ratio[c]);
+                }
             }
+            at = sample;
+            visit(number, &weights);
         }
     }
 
@@ -348,7 +424,7 @@ impl Fan {
         let (mut next, terms) = (0, terms.as_chunks::<M>().0);
         for ((ray, shown), a) in of.rays_of(self).iter().zip(shown).zip(self.coefficients.as_chunks::<M>().0)
         {
-            while let Some(&j) = self.order.get(next).filter(|&&j| self.slopes[usize::from(j)] >= ray.kappa) {
+            while let Some(&j) = self.order.get(next).filter(|&&j| self.slope(j) >= ray.kappa) {
                 sums.add(usize::from(j), &terms[usize::from(j)]);
                 next += 1;
             }
@@ -357,7 +433,7 @@ impl Fan {
                 let a = X::of(f64::from(*a));
                 (0..4).for_each(|c| sum[c] += a * term[c]);
             }
-            let last = samples.get(ray.whole as usize).copied().unwrap_or_default();
+            let last = samples.get(ray.last as usize).copied().unwrap_or_default();
             for c in 0..3 {
                 let tail = X::of(f64::from(ray.tail[c])) * last[c];
                 shown[c] = X::of(f64::from(ray.scattering[c])) * (sum[c] + tail);
@@ -379,9 +455,7 @@ impl Fan {
         let (mut lit, terms) = (self.order.len(), terms.as_chunks_mut::<M>().0);
         let rays = of.rays_of(self).iter().zip(self.coefficients.as_chunks::<M>().0);
         for (ray, a) in rays.rev() {
-            while let Some(&j) =
-                self.order[..lit].last().filter(|&&j| self.slopes[usize::from(j)] < ray.kappa)
-            {
+            while let Some(&j) = self.order[..lit].last().filter(|&&j| self.slope(j) < ray.kappa) {
                 terms[usize::from(j)] = sums.behind(usize::from(j));
                 lit -= 1;
             }
@@ -394,7 +468,7 @@ impl Fan {
                     [a * y[0], a * y[1], a * y[2], X::zero()]
                 }),
             );
-            if let Some(sample) = samples.get_mut(ray.whole as usize) {
+            if let Some(sample) = samples.get_mut(ray.last as usize) {
                 (0..3).for_each(|c| sample[c] += X::of(f64::from(ray.tail[c])) * y[c]);
             }
         }
@@ -413,16 +487,27 @@ impl Fan {
         let terms = self.expansion.terms();
         let a = &self.coefficients[ray * terms..][..terms];
         let ray = &of.rays_of(self)[ray];
-        let whole = ray.whole as usize;
+        let (whole, last) = (ray.whole as usize, ray.last as usize);
         let scattering = ray.scattering.map(f64::from);
         per_terms!(terms, M => self.weights::<M>(of.sigma_t, |j, weights| {
-            if j < whole && ray.kappa <= self.slopes[j] {
+            if j < whole && ray.kappa <= self.slope(j as u16) {
                 let sum = |c: usize| weights.iter().zip(a).map(|(weight, a)| f64::from(*a) * weight[c]).sum::<f64>();
                 visit(j, std::array::from_fn(|c| scattering[c] * sum(c)));
-            } else if j == whole && ray.tail != [0.0; 3] {
+            } else if j == last {
                 visit(j, std::array::from_fn(|c| scattering[c] * f64::from(ray.tail[c])));
             }
         }));
+    }
+
+    /// The samples that light any of its rays, or in which one ends, in order.
+    pub fn needed(&self) -> &[u16] {
+        &self.needed
+    }
+
+    /// c of a needed sample.
+    #[inline(always)]
+    fn slope(&self, needed: u16) -> f32 {
+        self.slopes[usize::from(self.needed[usize::from(needed)])]
     }
 
     /// ξ in the middle of a sample, in metres.
@@ -437,9 +522,26 @@ impl Fan {
         self.eye + xi * self.direction
     }
 
+    /// From which ξ to which its samples are in a part of the light's plane.
+    pub(super) fn across(&self, region: Extent) -> Option<[f64; 2]> {
+        clipped(self.eye, self.direction, region, self.last())
+    }
+
     /// Where its rays begin among all.
     pub(super) fn begin(&self) -> usize {
         self.rays.start
+    }
+
+    /// ξ where a sample begins, in metres.
+    #[inline(always)]
+    pub fn edge(&self, sample: usize) -> f64 {
+        self.first + sample as f64 * self.step
+    }
+
+    /// The number of samples that begin before a ξ.
+    pub(super) fn samples_before(&self, xi: f64) -> usize {
+        let passed = (xi - self.first) / self.step;
+        if passed > 0.0 { (passed.ceil() as usize).min(self.slopes.len()) } else { 0 }
     }
 
     /// ξ behind its last sample, in metres.
@@ -487,17 +589,44 @@ fn polar_rays(of: &SlicedRays) -> (usize, Vec<PolarRay>) {
 }
 
 /// Rays slice by slice, and where those of each slice begin, with the end of the last.
-fn in_order(rays: &[PolarRay], slices: &Slices) -> (Vec<PolarRay>, Vec<usize>) {
+fn in_order(rays: &[PolarRay], slices: &Slices, between: bool) -> (Vec<PolarRay>, Vec<usize>) {
     let of: Vec<u32> = rays.par_iter().map(|ray| slices.of(ray) as u32).collect();
+    let beside: Vec<Option<(u32, f32)>> = match between {
+        true => {
+            let middles = middles(rays, &of, slices.count());
+            let beside = |(ray, &slice): (&PolarRay, &u32)| slices.beside(ray, slice, &middles);
+            rays.par_iter().zip(&of).map(beside).collect()
+        }
+        false => Vec::new(),
+    };
     let mut begins = vec![0_usize; slices.count() + 1];
-    of.iter().for_each(|&slice| begins[slice as usize + 1] += 1);
+    let slices_of = || of.iter().copied().chain(beside.iter().flatten().map(|(slice, _)| *slice));
+    slices_of().for_each(|slice| begins[slice as usize + 1] += 1);
     (1..begins.len()).for_each(|slice| begins[slice] += begins[slice - 1]);
-    let (mut next, mut order) = (begins.clone(), vec![0_u32; rays.len()]);
-    for (index, &slice) in of.iter().enumerate() {
-        order[next[slice as usize]] = index as u32;
+    let (mut next, mut order) = (begins.clone(), vec![(0_u32, 0.0_f32); begins[begins.len() - 1]]);
+    let mut put = |slice: u32, index: usize, share: f32| {
+        order[next[slice as usize]] = (index as u32, share);
         next[slice as usize] += 1;
+    };
+    for (index, &slice) in of.iter().enumerate() {
+        let other = beside.get(index).copied().flatten();
+        put(slice, index, 1.0 - other.map_or(0.0, |(_, share)| share));
+        if let Some((other, share)) = other {
+            put(other, index, share);
+        }
     }
-    (order.par_iter().map(|&index| rays[index as usize]).collect(), begins)
+    let ray = |&(index, share): &(u32, f32)| PolarRay { share, ..rays[index as usize] };
+    (order.par_iter().map(ray).collect(), begins)
+}
+
+/// The angle about the light in the middle of the rays of each slice.
+fn middles(rays: &[PolarRay], of: &[u32], slices: usize) -> Vec<f32> {
+    let mut ranges = vec![[f32::INFINITY, f32::NEG_INFINITY]; slices];
+    for (ray, &slice) in rays.iter().zip(of) {
+        let [low, high] = &mut ranges[slice as usize];
+        (*low, *high) = (low.min(ray.phi), high.max(ray.phi));
+    }
+    ranges.into_iter().map(|[low, high]| 0.5 * (low + high)).collect()
 }
 
 /// The pieces between such places.

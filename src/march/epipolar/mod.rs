@@ -16,6 +16,8 @@
 
 mod expansion;
 mod fans;
+mod min_max;
+mod prefiltered;
 mod slices;
 #[cfg(test)]
 mod tests;
@@ -28,6 +30,8 @@ use rayon::prelude::*;
 
 pub use expansion::{Expansion, MOST_TERMS};
 pub use fans::{EpipolarSettings, Fan, FanRay, Fans, MOST_SAMPLES, SlicedRays};
+pub use min_max::MinMaxTree;
+pub use prefiltered::{MOST_COEFFICIENTS, PrefilterWeighting, Prefiltered};
 
 use super::basis::{Bilinear, NearestTexel, TexelBasis, add};
 use super::texels::TexelRay;
@@ -50,8 +54,8 @@ const NEARBY: usize = 12;
 #[derive(Debug, Clone)]
 pub struct EpipolarTraversal {
     fans: Arc<Fans>,
-    /// The place of each row's ray among those of the fans.
-    places: Arc<[u32]>,
+    /// The places of each row's ray among those of the fans: one, or two where it is between two.
+    places: Arc<[[u32; 2]]>,
     light_map: Grid,
     basis: Basis,
 }
@@ -96,9 +100,10 @@ impl EpipolarTraversal {
 
     /// The texels of a light map over slices that are there.
     pub fn over(fans: Arc<Fans>, light_map: Grid, basis: Basis) -> Self {
-        let mut places = vec![NOWHERE; fans.rows()];
+        let mut places = vec![[NOWHERE; 2]; fans.rows()];
         for (place, ray) in fans.rays().iter().enumerate() {
-            places[ray.row as usize] = place as u32;
+            let [first, second] = &mut places[ray.row as usize];
+            *(if *first == NOWHERE { first } else { second }) = place as u32;
         }
         Self { fans, places: places.into(), light_map, basis }
     }
@@ -120,38 +125,62 @@ impl EpipolarTraversal {
 
     /// T x of all rows, in the order of their numbers.
     pub fn shown<X: Real>(&self, x: &[[X; 3]]) -> Vec<[X; 3]> {
-        let shown = self.of_fans(x);
-        let row = |&place: &u32| match place {
-            NOWHERE => [X::zero(); 3],
-            place => {
-                let [r, g, b, _] = shown[place as usize];
-                [r, g, b]
-            }
+        self.of_rows(&self.of_fans(x))
+    }
+
+    /// What rows show, of what all rays of the fans do.
+    pub fn of_rows<X: Real>(&self, shown: &[[X; 4]]) -> Vec<[X; 3]> {
+        let row = |places: &[u32; 2]| {
+            let [r, g, b, _] = at(shown, places);
+            [r, g, b]
         };
         self.places.par_iter().map(row).collect()
     }
 
-    /// S x of the samples of a fan.
-    pub fn sampled<X: Real>(&self, x: &[[X; 3]], fan: &Fan, samples: &mut [[X; 4]]) {
+    /// The light at some samples of a fan, which are none yet: that of the texels, or `outside` beside them.
+    pub fn light_at<X: Real>(
+        &self,
+        x: &[[X; 3]],
+        outside: [X; 3],
+        fan: &Fan,
+        which: impl Iterator<Item = usize>,
+        samples: &mut [[X; 4]],
+    ) {
+        let [enter, leave] = fan.across(self.light_map.extent).unwrap_or([f64::INFINITY; 2]);
+        let [r, g, b] = outside;
+        let is_beside = |xi: f64| xi < enter || xi > leave;
+        let which: Vec<usize> = which.collect();
+        for (&j, sample) in which.iter().zip(&mut *samples).filter(|(j, _)| is_beside(fan.middle(**j))) {
+            debug_assert!(j < fan.slopes.len());
+            *sample = [r, g, b, X::zero()];
+        }
+        let inside = which.into_iter().zip(samples).filter(|(j, _)| !is_beside(fan.middle(*j)));
         match self.basis {
-            Basis::Nearest => self.sampled_in::<X, 1, NearestTexel>(x, fan, samples),
-            Basis::Bilinear => self.sampled_in::<X, 4, Bilinear>(x, fan, samples),
+            Basis::Nearest => self.sampled::<X, 1, NearestTexel>(x, fan, inside),
+            Basis::Bilinear => self.sampled::<X, 4, Bilinear>(x, fan, inside),
         }
     }
 
     /// E S x of the rays of all fans.
     fn of_fans<X: Real>(&self, x: &[[X; 3]]) -> Vec<[X; 4]> {
-        self.fans.gather::<X>(&|fan, samples| self.sampled(x, fan, samples))
+        self.fans.gather::<X>(&|fan, samples| {
+            let samples = fan.needed().iter().copied().map(usize::from).zip(samples);
+            match self.basis {
+                Basis::Nearest => self.sampled::<X, 1, NearestTexel>(x, fan, samples),
+                Basis::Bilinear => self.sampled::<X, 4, Bilinear>(x, fan, samples),
+            }
+        })
     }
 
-    fn sampled_in<X: Real, const N: usize, B: TexelBasis<f64, 1, N>>(
+    /// Adds S x to samples, each with its number.
+    fn sampled<'s, X: Real, const N: usize, B: TexelBasis<f64, 1, N>>(
         &self,
         x: &[[X; 3]],
         fan: &Fan,
-        samples: &mut [[X; 4]],
+        samples: impl Iterator<Item = (usize, &'s mut [X; 4])>,
     ) {
         let (cells, size) = (self.cells::<1, N, B>(fan), self.light_map.size);
-        for (j, sample) in samples.iter_mut().enumerate() {
+        for (j, sample) in samples {
             let piece = cells.at(fan.middle(j));
             for (number, weight) in B::sample(&piece, size).into_iter().enumerate() {
                 let (weight, texel) = (X::of(weight), x[B::texel(piece.cell, number, size)]);
@@ -195,8 +224,9 @@ impl EpipolarTraversal {
         x: &mut [[X; 3]],
     ) {
         let (cells, size) = (self.cells::<1, N, B>(fan), self.light_map.size);
-        for j in near(fan, &self.light_map, rows) {
-            let piece = cells.at(fan.middle(j));
+        let near = near(fan, &self.light_map, rows);
+        for (&sample, value) in fan.needed()[near.clone()].iter().zip(&samples[near]) {
+            let piece = cells.at(fan.middle(usize::from(sample)));
             for (number, weight) in B::sample(&piece, size).into_iter().enumerate() {
                 let texel = B::texel(piece.cell, number, size);
                 let Some(element) = texel.checked_sub(rows.start * size[0]).and_then(|it| x.get_mut(it))
@@ -204,7 +234,7 @@ impl EpipolarTraversal {
                     continue;
                 };
                 let weight = X::of(weight);
-                (0..3).for_each(|c| element[c] += weight * samples[j][c]);
+                (0..3).for_each(|c| element[c] += weight * value[c]);
             }
         }
     }
@@ -214,19 +244,41 @@ impl EpipolarTraversal {
         row: usize,
         visit: &mut impl FnMut(usize, Weight<F, C>),
     ) {
-        let Some(&place) = self.places.get(row).filter(|&&place| place != NOWHERE) else { return };
-        let (place, fans) = (place as usize, self.fans.fans());
+        let mut weights = Vec::new();
+        let [first, second] = self.places[row];
+        for place in [first, second].into_iter().filter(|&place| place != NOWHERE) {
+            self.walk_place::<F, C, N, B>(place as usize, &mut weights);
+        }
+        if second != NOWHERE {
+            // Neighbouring slices share texels.
+            weights.sort_by_key(|(element, _)| *element);
+            weights.dedup_by(|(element, weight), (kept, sum)| {
+                let is_same = element == kept;
+                if is_same {
+                    add(sum, *weight);
+                }
+                is_same
+            });
+        }
+        weights.into_iter().for_each(|(element, weight)| visit(element, weight));
+    }
+
+    /// Adds what a ray of the fans weighs.
+    fn walk_place<F: Real, const C: usize, const N: usize, B: TexelBasis<f64, C, N>>(
+        &self,
+        place: usize,
+        weights: &mut Vec<(usize, Weight<F, C>)>,
+    ) {
+        let fans = self.fans.fans();
         let fan = &fans[fans.partition_point(|fan| fan.begin() <= place) - 1];
         let (cells, size) = (self.cells::<C, N, B>(fan), self.light_map.size);
-        let mut weights = Vec::new();
         fan.walk(&self.fans, place - fan.begin(), |j, weight| {
-            let piece = cells.at(fan.middle(j));
+            let piece = cells.at(fan.middle(usize::from(fan.needed()[j])));
             for (number, share) in B::sample(&piece, size).into_iter().enumerate().filter(|it| it.1 != 0.0) {
                 let weight = std::array::from_fn(|c| F::of(weight[c] * share));
-                add_to(&mut weights, B::texel(piece.cell, number, size), weight);
+                add_to(weights, B::texel(piece.cell, number, size), weight);
             }
         });
-        weights.into_iter().for_each(|(element, weight)| visit(element, weight));
     }
 }
 
@@ -267,10 +319,7 @@ impl<F: Real, const C: usize> Traversal<F, C> for EpipolarTraversal {
     ) {
         let shown = self.of_fans(x);
         y.par_iter_mut().enumerate().for_each(|(k, y)| {
-            *y = match self.places[row(k)] {
-                NOWHERE => [X::zero(); 4],
-                place => shown[place as usize],
-            };
+            *y = at(&shown, &self.places[row(k)]);
         });
     }
 
@@ -288,19 +337,30 @@ impl<F: Real, const C: usize> Traversal<F, C> for EpipolarTraversal {
     }
 }
 
-/// The samples of a fan that may be near such rows of texels.
+/// The sum of what is at such places.
+#[inline(always)]
+fn at<X: Real>(shown: &[[X; 4]], places: &[u32; 2]) -> [X; 4] {
+    let mut sum = [X::zero(); 4];
+    for place in places.iter().filter(|&&place| place != NOWHERE) {
+        (0..4).for_each(|c| sum[c] += shown[*place as usize][c]);
+    }
+    sum
+}
+
+/// The needed samples of a fan that may be near such rows of texels.
 fn near(fan: &Fan, light_map: &Grid, rows: &Range<usize>) -> Range<usize> {
     let (samples, slope) = (fan.slopes.len(), fan.direction.y * light_map.density().y);
     let begin = light_map.grid_from_light(fan.eye).y;
     let reach = [rows.start as f64 - 1.0, rows.end as f64 + 1.0];
     if slope.abs() < 1e-12 {
-        return if (reach[0]..=reach[1]).contains(&begin) { 0..samples } else { 0..0 };
+        return if (reach[0]..=reach[1]).contains(&begin) { 0..fan.needed().len() } else { 0..0 };
     }
     let place = |row: f64| ((row - begin) / slope - fan.first) / fan.step;
     let [a, b] = reach.map(place);
     let [a, b] =
         [a.min(b).floor() - 1.0, a.max(b).ceil() + 1.0].map(|j| j.clamp(0.0, samples as f64) as usize);
-    a..b
+    let number = |sample: usize| fan.needed().partition_point(|&needed| usize::from(needed) < sample);
+    number(a)..number(b)
 }
 
 /// Errors: [`Error::Empty`] for rows that slices do not know.

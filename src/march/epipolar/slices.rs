@@ -32,6 +32,8 @@ pub(super) struct PolarRay {
     pub(super) end: f32,
     /// Eye, shadow map and band of sin θ, as one number.
     pub(super) bundle: u32,
+    /// How much of it a slice shows: less than 1 where it is between two.
+    pub(super) share: f32,
 }
 
 impl PolarRay {
@@ -52,6 +54,7 @@ impl PolarRay {
             q: (1.0 / sine) as f32,
             end: (sine * end) as f32,
             bundle: group * 2 * BANDS + if band == 0 { 0 } else { band + pole },
+            share: 1.0,
         })
     }
 
@@ -123,6 +126,22 @@ impl Slices {
         let slice = (ends[0] + within * (ends[1] - ends[0])) as u32;
         let [first, next] = [self.first[bundle], self.first[bundle + 1]];
         (first + slice).min(next - 1) as usize
+    }
+
+    /// The slice on the other side of a ray, and how near the ray is to that one, from 0 to a half or so. None where no slice follows, or its
+    /// rays are not next to those of the first. `middles` are the angles of all slices, NaN where one has no rays.
+    pub(super) fn beside(&self, ray: &PolarRay, slice: u32, middles: &[f32]) -> Option<(u32, f32)> {
+        let (bundle, middle) = (ray.bundle as usize, middles[slice as usize]);
+        let [first, next] = [self.first[bundle], self.first[bundle + 1]];
+        let other = if ray.phi > middle { slice + 1 } else { slice.checked_sub(1)? };
+        let apart = middles.get(other as usize)? - middle;
+        let (bin, _) = ray.bin();
+        let ends = &self.cumulated[bundle * (BINS + 1) + bin..][..2];
+        let width = 2.0 * PI as f32 / BINS as f32 / (ends[1] - ends[0]);
+        let is_next = (first..next).contains(&other) && apart.abs() < 2.0 * width;
+        // Not `<= 0`: a slice without rays is nowhere.
+        let share = (ray.phi - middle) / apart;
+        (is_next && share > 0.0).then_some((other, share.min(1.0)))
     }
 }
 

@@ -100,8 +100,8 @@ fn error_of_sweep(setting: &Setting, settings: EpipolarSettings) -> f64 {
     let (fans, rows) = (sliced.fans(), setting.rows());
     let light = |fan: &Fan, j: usize| [1.0 + (j % 5) as f64, fan.middle(j).sin(), 0.5];
     let shown = fans.gather::<f64>(&|fan, samples| {
-        for (j, sample) in samples.iter_mut().enumerate() {
-            let [r, g, b] = light(fan, j);
+        for (&j, sample) in fan.needed().iter().zip(samples) {
+            let [r, g, b] = light(fan, usize::from(j));
             *sample = [r, g, b, 0.0];
         }
     });
@@ -181,7 +181,8 @@ fn adjoint_error<X: Real>(sliced: &EpipolarTraversal, off: f64) -> f64 {
 #[test]
 fn the_sweep_backwards_is_the_transpose() {
     for (number, setting) in settings().iter().enumerate() {
-        let sliced = setting.sliced(EpipolarSettings::default());
+        let sliced =
+            setting.sliced(EpipolarSettings { between: number % 2 == 0, ..EpipolarSettings::default() });
         let [wide, single] = [adjoint_error::<f64>(&sliced, 0.0), adjoint_error::<f32>(&sliced, 0.0)];
         assert!(wide < 1e-13 && single < 1e-6, "setting {number}: {wide:.1e} in f64, {single:.1e} in f32");
         let off = [adjoint_error::<f64>(&sliced, 1e-11), adjoint_error::<f32>(&sliced, 1e-4)];
@@ -192,7 +193,11 @@ fn the_sweep_backwards_is_the_transpose() {
 #[test]
 fn walks_gathers_and_scatters_are_one_matrix() {
     for (number, setting) in settings().iter().enumerate() {
-        let sliced = setting.sliced(EpipolarSettings { density: 1.7, ..EpipolarSettings::default() });
+        let sliced = setting.sliced(EpipolarSettings {
+            density: 1.7,
+            between: number % 2 == 0,
+            ..EpipolarSettings::default()
+        });
         let x = texels(sliced.light_map.len());
         let rows = Traversal::<f64, 3>::rows(&sliced);
         let y: Vec<[f64; 3]> = texels(rows);
@@ -266,7 +271,13 @@ fn slices_converge_to_the_exact_rows() {
             let density = 2.0 * times;
             error(
                 setting,
-                EpipolarSettings { slices: times, density, samples: MOST_SAMPLES, tolerance: 1e-7 },
+                EpipolarSettings {
+                    slices: times,
+                    density,
+                    samples: MOST_SAMPLES,
+                    tolerance: 1e-7,
+                    between: false,
+                },
             )
         });
         assert!(errors[0] < 0.08, "setting {number}: {errors:?}");
@@ -275,13 +286,40 @@ fn slices_converge_to_the_exact_rows() {
     }
 }
 
+/// Between two slices a ray is nearer to the exact one than in the nearest slice.
+#[test]
+fn rays_between_two_slices_are_nearer() {
+    let of = EpipolarSettings { density: 8.0, samples: MOST_SAMPLES, ..EpipolarSettings::default() };
+    let settings = settings();
+    let errors = settings
+        .iter()
+        .map(|setting| [false, true].map(|between| error(setting, EpipolarSettings { between, ..of })));
+    let errors: Vec<[f64; 2]> = errors.collect();
+    let sum = |which: usize| errors.iter().map(|errors| errors[which]).sum::<f64>();
+    assert!(sum(1) < 0.8 * sum(0), "{errors:?}");
+    let fan = settings[0].sliced(EpipolarSettings { between: true, ..of });
+    let mut shares = vec![0.0; Traversal::<f64, 1>::rows(&fan)];
+    let rows = settings[0].rows();
+    for ray in fan.fans().rays() {
+        shares[ray.row as usize] +=
+            f64::from(ray.scattering()[0]) / rows.rays()[ray.row as usize].scattering[0];
+    }
+    assert!(shares.iter().all(|share| (share - 1.0).abs() < 1e-6));
+}
+
 #[test]
 fn rays_along_the_light_are_seen() {
     let eye = DVec3::new(0.4, 0.0, 0.3);
     let setting = Setting::new(eye, eye + DVec3::new(0.0, 0.0, -1.0), DVec3::new(0.0, 0.0, 1.0));
     let setting =
         Setting { camera: setting.camera.moved(glam::DAffine3::IDENTITY, [49, 33]).unwrap(), ..setting };
-    let fine = EpipolarSettings { slices: 4.0, density: 4.0, samples: MOST_SAMPLES, tolerance: 1e-7 };
+    let fine = EpipolarSettings {
+        slices: 4.0,
+        density: 4.0,
+        samples: MOST_SAMPLES,
+        tolerance: 1e-7,
+        between: false,
+    };
     assert!(error(&setting, fine) < 0.02, "{:.1e}", error(&setting, fine));
     let nothing = EpipolarTraversal::new(&setting.rows().picked(&[]), &|_| 1e-3, fine).unwrap();
     assert!(nothing.shown(&texels(nothing.light_map.len())).is_empty());

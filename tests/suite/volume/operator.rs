@@ -25,7 +25,7 @@ fn stored<F: Real, const C: usize>(traversal: &VolumeTraversal) -> [Transport<Vo
         let operator = Transport::new(traversal.clone(), &plan, strategy, budget).unwrap();
         let storage = operator.storage();
         match strategy {
-            Strategy::Auto => assert!(storage.kept_rows > 0 && storage.walked_rows > 0),
+            Strategy::Epipolar | Strategy::Auto => assert!(storage.kept_rows > 0 && storage.walked_rows > 0),
             Strategy::Assembled => assert_eq!(storage.walked_rows, 0),
             Strategy::MatrixFree => assert_eq!(storage.kept_rows, 0),
         }
