@@ -193,14 +193,7 @@ fn near_rows(problem: &dyn Problem, settings: &SolveSettings) -> Result<Option<B
     if settings.strategy != Strategy::Epipolar {
         return Ok(None);
     }
-    let env = |n: &str, d: f64| std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d);
-    let sliced = problem.sliced(EpipolarSettings {
-        slices: env("XS", 1.0),
-        density: env("XD", 1.0),
-        samples: 8192,
-        tolerance: env("XT", 1e-4),
-        between: env("XB", 1.0) > 0.5,
-    });
+    let sliced = problem.sliced(EpipolarSettings::CORRECTED);
     let none = || {
         Error::value("solve.strategy", "epipolar", "another one here: light maps alone have rows over slices")
     };

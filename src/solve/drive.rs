@@ -82,6 +82,10 @@ const FLOOR: f64 = 1e-12;
 const SOLVED: f64 = 8.0;
 /// The factor above the tolerance from which on a true normal residual refutes the recursive one.
 const PARTED: f64 = 1.5;
+/// The part of a normal residual that a correction must leave at most to be worth another one.
+const CORRECTED: f64 = 0.9;
+/// The part of the tolerance down to which an operator that is corrected is iterated with: some of the rest is the correction's.
+const AHEAD: f64 = 0.6;
 
 /// Runs a method until it should stop.
 ///
@@ -136,12 +140,8 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
             }
             // The method believes to be done and is not: begin again from the truth, while that still helps.
             let truth = largest(outcome.true_normal_residual);
-            eprintln!(
-                "X outer {} at {iteration}: {:?} {:?}",
-                history.restarts, outcome.true_normal_residual, outcome.true_residual
-            );
-            let helps = truth
-                < std::env::var("XH").ok().and_then(|v| v.parse().ok()).unwrap_or(0.5) * history.least_true;
+            let enough = if problem.is_corrected() { CORRECTED } else { 0.5 };
+            let helps = truth < enough * history.least_true;
             if !helps || iteration >= limits.iterations {
                 let reason = if helps { StopReason::Iterations } else { StopReason::Stagnation };
                 return Ok(Outcome { stop: Ending { reason, iteration }, ..outcome });
@@ -237,10 +237,15 @@ impl<O: LinearOperator> Judge<'_, O> {
         })
     }
 
+    /// The normal residual at which a method is done.
+    fn asked(&self) -> f64 {
+        self.limits.tolerance * if self.problem.is_corrected() { AHEAD } else { 1.0 }
+    }
+
     fn settle_by_tolerance(&self, history: &mut History, measure: Measure) {
         let (_, normal) = relative(&measure, &history.start);
         for c in 0..3 {
-            history.settled[c] |= normal[c] <= self.limits.tolerance;
+            history.settled[c] |= normal[c] <= self.asked();
         }
     }
 
@@ -274,7 +279,7 @@ impl<O: LinearOperator> Judge<'_, O> {
         let last = history.progress.last()?;
         let limits = self.limits;
         if history.settled == [true; 3] {
-            let by_tolerance = last.normal_residual.iter().all(|&residual| residual <= limits.tolerance);
+            let by_tolerance = last.normal_residual.iter().all(|&residual| residual <= self.asked());
             Some(if by_tolerance { StopReason::Tolerance } else { StopReason::Discrepancy })
         } else if last.iteration >= limits.iterations {
             Some(StopReason::Iterations)
