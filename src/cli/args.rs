@@ -132,6 +132,10 @@ pub(crate) struct BenchArguments {
     /// Leave out how cost grows, and what skipping saves.
     #[arg(long)]
     pub(crate) only_cases: bool,
+    /// Draw the scattered light of the first view by every method of `render --method`, over sizes of pictures and maps, and leave all
+    /// else out.
+    #[arg(long, conflicts_with_all = ["all", "counts", "rows", "only_cases"])]
+    pub(crate) pictures: bool,
     /// Go on after the last case in `records.jsonl` of the output folder.
     #[arg(long)]
     pub(crate) resume: bool,

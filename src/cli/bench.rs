@@ -18,6 +18,7 @@ pub(super) fn run(arguments: &BenchArguments, manners: &Manners) -> Result<Done>
         },
         rows: arguments.rows.map(|rows| rows as usize),
         only_cases: arguments.only_cases,
+        pictures: arguments.pictures,
         resume: arguments.resume,
         counts: arguments.counts.clone(),
         engine: arguments.backend.choice(),

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::lab::bench::LEFT_OUT;
-use crate::report::bench::{Against, Bench, Law, MarchStanding, Measured, Record, Sweep, front};
+use crate::report::bench::{Against, Bench, Law, MarchStanding, Measured, Record, Sweep, front, growth};
 
 /// Counts that fell of which so many are listed.
 const SHOWN: usize = 8;
@@ -39,6 +39,21 @@ pub(super) fn summary(bench: &Bench, taken: usize, folder: &Path, counts: Option
             )
         }));
         lines.push(String::new());
+    }
+    for record in bench.pictures.iter().filter(|it| it.light_map == (it.method != "min-max")) {
+        lines.push(format!(
+            "{:44} set-up {:>7.3} s   picture {:>7.3} s   error {:>8.1e}   {:6.2} % within 1/255",
+            format!("{} {}x{} {}: {}", record.scene, record.width, record.height, record.map, record.words()),
+            record.set_up_seconds,
+            record.seconds,
+            record.error,
+            100.0 * record.within
+        ));
+    }
+    for growth in growth(&bench.pictures).iter().filter(|it| it.points.len() > 1) {
+        let name = format!("{} {}x{}: {}", growth.scene, growth.size[0], growth.size[1], growth.method);
+        let exponent = growth.exponent.unwrap_or_default();
+        lines.push(format!("{name:44} seconds ~ side of the maps ^ {exponent:.2}"));
     }
     for law in bench.laws.iter().filter(|law| !law.holds) {
         lines.extend([format!("BROKEN  {}", law.case), format!("        {}", broken(law))]);

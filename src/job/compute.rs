@@ -8,11 +8,10 @@ use super::engine::{Engine, On};
 use super::memory::MemoryBudget;
 use super::observer::Wish;
 use super::steps::Steps;
-use crate::march::EpipolarSettings;
 use crate::operator::{CpuVector, FromHost, Storage, TransportOperator, adjoint_test};
-use crate::problem::{OutOfReach, Paused, Problem, Solved, Transports, solve};
+use crate::problem::{OutOfReach, Paused, Problem, Solved, Transports, near, solve};
 use crate::report::Work;
-use crate::scene::{Rgb, SolveSettings, Strategy};
+use crate::scene::{Rgb, SolveSettings};
 use crate::solve::{Control, Outcome, StopReason};
 use crate::{Error, Result, Warning};
 
@@ -77,24 +76,26 @@ impl ProblemSolve<'_> {
         steps: &mut Steps<'_>,
         after: &After<'_, T>,
     ) -> Result<(Computed, T)> {
-        let budget = self.memory.budget(self.settings, self.problem)?;
         let Self { problem, settings, options, .. } = *self;
-        engine.run(self.checkpoint, options.resume, resumed, |on, resumed| {
+        let near = near(problem, settings.strategy)?;
+        let iterated = near.as_deref().unwrap_or(problem);
+        let budget = self.memory.budget(settings, iterated)?;
+        let other_bytes = self.memory.beside_rows(settings, iterated)?;
+        let (computed, of_it) = engine.run(self.checkpoint, options.resume, resumed, |on, resumed| {
             steps.begin("walking", None);
             match on {
                 On::Cpu => {
-                    let near = near_rows(problem, settings)?;
-                    let near = near.map(|near| near.on_cpu(settings.strategy, budget)).transpose()?;
+                    let near =
+                        near.as_ref().map(|near| near.on_cpu(settings.strategy, budget)).transpose()?;
                     let operator = problem.on_cpu(settings.strategy, budget)?;
                     self.with((&operator, near.as_ref()), None, resumed, &mut || {}, steps, after)
                 }
                 #[cfg(feature = "gpu")]
                 On::Gpu(gpu) => {
-                    let near = near_rows(problem, settings)?;
                     let on_gpu = |problem: &dyn Problem| {
                         problem.on_gpu(&gpu, settings.strategy, budget, options.deterministic)
                     };
-                    let (operator, near) = (on_gpu(problem)?, near.map(|near| on_gpu(&*near)).transpose()?);
+                    let (operator, near) = (on_gpu(problem)?, near.as_deref().map(on_gpu).transpose()?);
                     let (record, mut trips) = (gpu.record(), Vec::new());
                     let mut each = || trips.push(gpu.round_trips());
                     let (computed, of_it) = self.with(
@@ -109,7 +110,8 @@ impl ProblemSolve<'_> {
                     Ok((Computed { backend: "gpu", device: device(record), work, ..computed }, of_it))
                 }
             }
-        })
+        })?;
+        Ok((Computed { other_bytes, ..computed }, of_it))
     }
 
     /// Tests an operator and solves with it: the observer hears of it, previews and checkpoints are written. `each` is called after
@@ -124,7 +126,10 @@ impl ProblemSolve<'_> {
         after: &After<'_, T>,
     ) -> Result<(Computed, T)> {
         let coverage = operator.squares(&self.problem.weights())?;
-        let adjoint_error = adjoint_test(operator, 1, SEED)?.error;
+        let mut adjoint_error = adjoint_test(operator, 1, SEED)?.error;
+        if let Some(near) = near {
+            adjoint_error = adjoint_error.max(adjoint_test(near, 1, SEED)?.error);
+        }
         if let Some(adapter) = adapter {
             trust(adapter, adjoint_error)?;
         }
@@ -169,7 +174,6 @@ impl ProblemSolve<'_> {
         }
         tell_of_pull(&coverage, &solved);
         let of_it = after(operator, &solved.x, steps)?;
-        let other_bytes = self.memory.beside_rows(self.settings, self.problem)?;
         let (backend, device) = ("cpu", processor());
         let computed = Computed {
             coverage,
@@ -180,24 +184,10 @@ impl ProblemSolve<'_> {
             backend,
             device,
             work: None,
-            other_bytes,
+            other_bytes: 0,
         };
         Ok((computed, of_it))
     }
-}
-
-/// The rows over slices that stand for the exact ones while a method iterates, where the settings ask for them.
-///
-/// Errors: [`Error::Value`] for a problem that has none; those of [`EpipolarTraversal::new`](crate::march::EpipolarTraversal::new).
-fn near_rows(problem: &dyn Problem, settings: &SolveSettings) -> Result<Option<Box<dyn Problem>>> {
-    if settings.strategy != Strategy::Epipolar {
-        return Ok(None);
-    }
-    let sliced = problem.sliced(EpipolarSettings::CORRECTED);
-    let none = || {
-        Error::value("solve.strategy", "epipolar", "another one here: light maps alone have rows over slices")
-    };
-    sliced.transpose()?.map(Some).ok_or_else(none)
 }
 
 /// Says where a solve has ended that was not asked to end early.

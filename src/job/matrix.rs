@@ -5,7 +5,7 @@ use super::memory::MemoryBudget;
 use super::steps::Steps;
 use super::volume::{self, nothing_asked};
 use super::{Folder, Job};
-use crate::problem::Problem;
+use crate::problem::{Problem, near};
 use crate::scene::{Rgb, Sought};
 use crate::sparse::ExplicitMatrix;
 use crate::{Error, Result, io};
@@ -83,7 +83,9 @@ pub(super) fn of(job: &Job, steps: &mut Steps<'_>) -> Result<Exported> {
             let most = memory.budget(&scene.solve, &*problem)? / BYTES;
             let widths = scene.views.iter().map(|view| view.camera.size()[0]);
             let start = problem.formulation(&scene.solve)?.starts();
-            exported(&*problem, problem.explicit(most)?, start, widths.collect())
+            let near = near(&*problem, scene.solve.strategy)?;
+            let rows = near.as_deref().unwrap_or(&*problem);
+            exported(&*problem, rows.explicit(most)?, start, widths.collect())
         }
         (_, Some(scene)) => {
             // Of several stages the first: the others depend on what it finds.

@@ -9,7 +9,7 @@ use super::asked::AskedProblem;
 use super::findings::share;
 use crate::Result;
 use crate::operator::{LinearOperator, Vector};
-use crate::problem::Problem;
+use crate::problem::{Problem, near};
 use crate::report::Share;
 use crate::scene::Strategy;
 
@@ -73,7 +73,9 @@ impl Plan {
     pub(super) fn of(asked: AskedProblem) -> Result<Self> {
         let AskedProblem { scene, find, views, pixels, problem, settings, memory, solves, seconds } = asked;
         let settings = memory.settled(settings, &*problem)?;
-        let (budget, bytes) = (memory.budget(&settings, &*problem)?, problem.kept_bytes());
+        let near = near(&*problem, settings.strategy)?;
+        let iterated = near.as_deref().unwrap_or(&*problem);
+        let (budget, bytes) = (memory.budget(&settings, iterated)?, problem.kept_bytes());
         // Lights that do not fit are not kept in part: light volumes take their place.
         let walked = problem.sampled(1).on_cpu(Strategy::MatrixFree, budget)?.storage();
         let kept = match settings.strategy {
@@ -82,7 +84,10 @@ impl Plan {
             _ => (budget as f64 / bytes.max(1) as f64).min(1.0),
         };
         let formulation = problem.formulation(&settings)?;
-        let [keeping_seconds, seconds_per_iteration] = foreseen_seconds(&*problem, kept)?;
+        let [keeping_seconds, mut seconds_per_iteration] = foreseen_seconds(&*problem, kept)?;
+        if let Some(near) = &near {
+            seconds_per_iteration = least_seconds(&near.on_cpu(settings.strategy, budget)?)?;
+        }
         let around = formulation.parts.iter().filter(|part| part.lattice.is_none());
         Ok(Self {
             unit: formulation.parts.first().map_or("", |part| part.noun),
@@ -92,12 +97,13 @@ impl Plan {
             surrounding_unit: around.clone().next().map_or("", |part| part.noun),
             surrounding_unknowns: around.map(|part| part.start.len()).sum(),
             skipped: problem.skipped().into_iter().map(share).collect(),
-            prepared_bytes: problem.prepared_bytes(),
+            prepared_bytes: iterated.prepared_bytes(),
             nonzeros: problem.plan().nonzeros,
             matrix_bytes: bytes,
-            other_bytes: memory.beside_rows(&settings, &*problem)?,
+            other_bytes: memory.beside_rows(&settings, iterated)?,
             budget_bytes: memory.allowed,
             strategy: match kept {
+                _ if near.is_some() => "epipolar",
                 0.0 if walked.of_light_volumes => "light volumes",
                 0.0 => "matrix-free",
                 1.0 => "assembled",

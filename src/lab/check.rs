@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::Result;
 use crate::job::{AskedProblem, Engine, EngineChoice, Job, Observer, Step, Steps, Stop};
+use crate::march::EpipolarSettings;
 use crate::operator::{CpuVector, LinearOperator, TransportOperator, Vector, adjoint_test};
 use crate::problem::Problem;
 use crate::scene::{Rgb, SolveSettings, Strategy};
@@ -73,6 +74,11 @@ fn checked(name: &str, problem: &dyn Problem, engine: &Engine) -> Result<Checked
         [("cpu, assembled", Strategy::Assembled), ("cpu, matrix-free", Strategy::MatrixFree)]
     {
         verdicts.extend(verdicts_of(way, &problem.on_cpu(strategy, u64::MAX)?, &explicit)?);
+    }
+    if let Some(Ok(sliced)) = problem.sliced(EpipolarSettings::default()) {
+        // Its rows are only near the exact ones, and a matrix of their own.
+        let own = sliced.explicit(NONZEROS)?;
+        verdicts.extend(verdicts_of("cpu, epipolar", &sliced.on_cpu(Strategy::MatrixFree, u64::MAX)?, &own)?);
     }
     #[cfg(feature = "gpu")]
     if let Some(gpu) = engine.gpu() {

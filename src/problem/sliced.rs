@@ -148,6 +148,18 @@ impl Problem for SlicedProblem {
     }
 }
 
+/// The rows over slices that stand for the exact ones while a method iterates, where the strategy is that.
+///
+/// Errors: [`Error::Value`] for a problem that has none; those of [`EpipolarTraversal::new`].
+pub fn near(problem: &dyn Problem, strategy: Strategy) -> Result<Option<Box<dyn Problem>>> {
+    if strategy != Strategy::Epipolar {
+        return Ok(None);
+    }
+    let expected = "another strategy here: light maps alone have rows over slices";
+    let sliced = problem.sliced(EpipolarSettings::CORRECTED).transpose()?;
+    sliced.map(Some).ok_or_else(|| Error::value("solve.strategy", "epipolar", expected))
+}
+
 /// Slices are swept unless their rows are asked for.
 fn kept(strategy: Strategy) -> Strategy {
     match strategy {

@@ -15,6 +15,7 @@ mod circles;
 mod command;
 mod corpus;
 mod demo_scenes;
+mod epipolar;
 mod glass;
 #[cfg(feature = "gpu")]
 mod gpu;

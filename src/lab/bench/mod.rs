@@ -5,6 +5,7 @@ mod counts;
 mod laws;
 mod log;
 mod measure;
+mod pictures;
 mod reference;
 mod scaling;
 mod skipping;
@@ -17,7 +18,7 @@ use std::time::Duration;
 use crate::Result;
 use crate::io::scene_file::SceneFile;
 use crate::job::{Backend, Engine, EngineChoice, Folder, Observer, Step, Stop, processor};
-use crate::report::bench::{self as report, Held, Record, Skipped, Sweep};
+use crate::report::bench::{self as report, Held, PictureRecord, Record, Skipped, Sweep};
 pub use cases::Level;
 use cases::{CaseBackend, CaseBasis, Contender, cases};
 use counts::Counts;
@@ -60,6 +61,7 @@ struct SceneResults {
     records: Vec<Record>,
     scaling: Vec<Sweep>,
     skipping: Vec<Skipped>,
+    pictures: Vec<PictureRecord>,
 }
 
 /// What is measured.
@@ -73,6 +75,8 @@ pub struct Benchmark {
     pub rows: Option<usize>,
     /// Leaves out how cost grows, and what skipping saves.
     pub only_cases: bool,
+    /// Draws pictures of scattered light in every way, and leaves all else out.
+    pub pictures: bool,
     /// Goes on after the last case in `records.jsonl` of the folder.
     pub resume: bool,
     /// Counts of an earlier run that must not rise.
@@ -153,6 +157,12 @@ impl Session<'_> {
     ) -> Result<()> {
         let stop = &self.asked.stop;
         let name = source.name();
+        if self.asked.pictures {
+            let mut begin = |what: &str| observer.begins(&Step { name: what, within: &name, parts: None });
+            let is_quick = self.asked.level == Level::Quick;
+            found.pictures.extend(pictures::pictures(source, is_quick, (log, stop), &mut begin)?);
+            return Ok(());
+        }
         let mut samples: [Option<Sample>; 2] = [None, None];
         // A scene is only made when something of it is not known yet.
         let sample = |samples: &mut [Option<Sample>; 2], basis: CaseBasis| -> Result<()> {
@@ -216,6 +226,7 @@ impl Session<'_> {
             against: report::compare(&found.records),
             records: found.records,
             scaling: found.scaling,
+            pictures: found.pictures,
             skipping: found.skipping,
         }
     }
@@ -252,7 +263,7 @@ fn fingerprint(sources: &[SceneSource], session: &Session<'_>) -> Result<u64> {
     let names: Vec<String> =
         cases(session.asked.level, &session.places, true).iter().map(Contender::name).collect();
     let is_quick = session.asked.level == Level::Quick;
-    (env!("CARGO_PKG_VERSION"), names, session.rows, is_quick).hash(&mut hasher);
+    (env!("CARGO_PKG_VERSION"), names, session.rows, is_quick, session.asked.pictures).hash(&mut hasher);
     (rayon::current_num_threads(), processor()).hash(&mut hasher);
     Ok(hasher.finish())
 }

@@ -5,6 +5,8 @@ mod marched;
 mod method;
 mod sliced;
 
+use std::time::Instant;
+
 use rayon::prelude::*;
 
 pub use method::{Drawing, DrawingMethod};
@@ -15,6 +17,7 @@ use super::upsampling::Coarse;
 use crate::march::{LightMapTraversal, Traversal, ViewRay};
 use crate::scene::{Camera, Quadrature, Rgb, Scene, rgb};
 use crate::{Error, Result};
+use sliced::PictureSlices;
 
 /// The light of a sun: its radiance, and how far that of another light map is from it.
 #[derive(Clone, Copy)]
@@ -49,22 +52,19 @@ pub(super) fn scattered(
     rays: &[ViewRay],
     coarse: &dyn Fn() -> Vec<ViewRay>,
 ) -> Result<Vec<[Rgb; 2]>> {
-    if light.maps.geometry.has_panes() {
-        let reason = format!("`{}` knows light and shadow alone, and the scene has panes", drawing.method);
-        return Err(Error::Empty { reason, remedy: "draw with method exact" });
-    }
     let angles = PixelAngles::of(camera);
     let [width, _] = camera.size();
     if drawing.reduced <= 1 {
         let angle = |index: usize| angles.at([index % width, index / width]);
-        return of_rays(drawing.method, light, &PictureRays { rays, width, angle: &angle });
+        return Prepared::new(drawing.method, light, &PictureRays { rays, width, angle: &angle })?
+            .shown(light);
     }
     let times = drawing.reduced;
     let (coarse, columns) = (coarse(), width.div_ceil(times) + 1);
     let angle =
         |index: usize| times as f64 * angles.at([index % columns, index / columns].map(|at| at * times));
-    let drawn =
-        of_rays(drawing.method, light, &PictureRays { rays: &coarse, width: columns, angle: &angle })?;
+    let of = PictureRays { rays: &coarse, width: columns, angle: &angle };
+    let drawn = Prepared::new(drawing.method, light, &of)?.shown(light)?;
     let end = |ray: &ViewRay| ray.length.min(light.scene.medium.reach(MARCHED_TO));
     let samples = coarse.iter().zip(&drawn).map(|(ray, [plain, change])| {
         let value = [plain[0], plain[1], plain[2], change[0], change[1], change[2]];
@@ -85,17 +85,101 @@ pub(super) fn scattered(
 /// Transmittance beyond which marches do not go: a quarter of what 8 bits show.
 const MARCHED_TO: f64 = 1.0 / 1024.0;
 
-fn of_rays(method: DrawingMethod, light: SunLight, of: &PictureRays) -> Result<Vec<[Rgb; 2]>> {
-    match method {
-        DrawingMethod::Exact => {
-            let rows = own_rows(light, of.rays);
-            Ok((0..of.rays.len()).into_par_iter().map(|row| exact(light, &rows, row)).collect())
+/// Rays, and what a method makes of them before it knows the light.
+enum Prepared<'a> {
+    Exact(LightMapTraversal),
+    Marched(&'a PictureRays<'a>, DrawingMethod),
+    Sliced(PictureSlices, DrawingMethod),
+}
+
+impl<'a> Prepared<'a> {
+    /// Errors: [`Error::Empty`] for panes.
+    fn new(method: DrawingMethod, light: SunLight, of: &'a PictureRays<'a>) -> Result<Self> {
+        if method != DrawingMethod::Exact && light.maps.geometry.has_panes() {
+            let reason = format!("`{method}` knows light and shadow alone, and the scene has panes");
+            return Err(Error::Empty { reason, remedy: "draw with method exact" });
         }
-        DrawingMethod::March { steps } => Ok(marched::marched(light, of.rays, steps, &|_| 0.5)),
-        DrawingMethod::Bilateral { steps } => Ok(bilateral::smoothed(light, of, steps)),
-        DrawingMethod::MinMax { .. } | DrawingMethod::Prefiltered { .. } | DrawingMethod::Epipolar { .. } => {
-            sliced::sliced(method, light, of)
+        Ok(match method {
+            DrawingMethod::Exact => Self::Exact(own_rows(light, of.rays)),
+            DrawingMethod::March { .. } | DrawingMethod::Bilateral { .. } => Self::Marched(of, method),
+            _ => Self::Sliced(PictureSlices::new(light, of, method), method),
+        })
+    }
+
+    /// What the rays show.
+    ///
+    /// Errors: [`Error::Empty`] for a light map before min-max trees.
+    fn shown(&self, light: SunLight) -> Result<Vec<[Rgb; 2]>> {
+        match self {
+            Self::Exact(rows) => {
+                let count = rows.rays().len();
+                Ok((0..count).into_par_iter().map(|row| exact(light, rows, row)).collect())
+            }
+            Self::Marched(of, DrawingMethod::Bilateral { steps }) => {
+                Ok(bilateral::smoothed(light, of, *steps))
+            }
+            Self::Marched(of, DrawingMethod::March { steps }) => {
+                Ok(marched::marched(light, of.rays, *steps, &|_| 0.5))
+            }
+            Self::Marched(..) => Ok(Vec::new()),
+            Self::Sliced(slices, method) => slices.shown(*method, light),
         }
+    }
+}
+
+/// The rays of a view, to draw what the medium scatters of the sun along them in any way, and to time that.
+#[derive(Debug)]
+pub struct ScatteredView<'a> {
+    scene: &'a Scene,
+    maps: &'a Maps,
+    camera: &'a Camera,
+    rays: Vec<ViewRay>,
+}
+
+/// What was drawn of a view, and how long that took, first hits apart.
+#[derive(Debug)]
+pub struct DrawnView {
+    /// Radiance that the medium scatters of the sun, pixel by pixel.
+    pub pixels: Vec<Rgb>,
+    /// Seconds before the light was known.
+    pub set_up_seconds: f64,
+    /// Seconds for that light.
+    pub seconds: f64,
+    /// Bytes of slices.
+    pub bytes: u64,
+}
+
+impl<'a> ScatteredView<'a> {
+    /// Finds the first hits of a view.
+    pub fn new(scene: &'a Scene, maps: &'a Maps, view: usize) -> Self {
+        let camera = &scene.views[view].camera;
+        let [width, height] = camera.size();
+        let ray = |index: usize| {
+            let ray = camera.pixel_ray(index % width, index / width);
+            let hit = maps.geometry.first_hit(&ray, f64::INFINITY);
+            maps.view_ray(&ray, hit.map_or(f64::INFINITY, |hit| hit.distance), &scene.medium).0
+        };
+        Self { scene, maps, camera, rays: (0..width * height).into_par_iter().map(ray).collect() }
+    }
+
+    /// The view under the plain light, or under texels that differ from it by so much.
+    ///
+    /// Errors: as [`super::Renderer::picture`].
+    pub fn drawn(&self, method: DrawingMethod, change: Option<&[Rgb]>) -> Result<DrawnView> {
+        let angles = PixelAngles::of(self.camera);
+        let [width, _] = self.camera.size();
+        let angle = |index: usize| angles.at([index % width, index / width]);
+        let light = SunLight { scene: self.scene, maps: self.maps, change: change.map(|it| (it, [0.0; 3])) };
+        let of = PictureRays { rays: &self.rays, width, angle: &angle };
+        let clock = Instant::now();
+        let prepared = Prepared::new(method, light, &of)?;
+        let set_up_seconds = clock.elapsed().as_secs_f64();
+        let clock = Instant::now();
+        let shown = prepared.shown(light)?;
+        let seconds = clock.elapsed().as_secs_f64();
+        let bytes = if let Prepared::Sliced(slices, _) = &prepared { slices.bytes() } else { 0 };
+        let pixels = shown.into_iter().map(|[plain, change]| rgb(|c| plain[c] + change[c])).collect();
+        Ok(DrawnView { pixels, set_up_seconds, seconds, bytes })
     }
 }
 

@@ -17,37 +17,8 @@ const TOLERANCE: f64 = 1e-4;
 /// Samples of a slice where a method has another number of its own.
 const SAMPLES: usize = 2048;
 
-/// What the rays of a picture show over slices.
-///
-/// Errors: [`Error::Empty`] for a light map before min-max trees.
-pub(super) fn sliced(method: DrawingMethod, light: SunLight, of: &PictureRays) -> Result<Vec<[Rgb; 2]>> {
-    let slices = PictureSlices::new(light, of, method);
-    let start = light.scene.light.radiance;
-    let plain = match method {
-        DrawingMethod::MinMax { .. } => slices.by_trees(start),
-        DrawingMethod::Prefiltered { coefficients } => slices.prefiltered(coefficients, None, start),
-        _ => slices.swept(None, start),
-    };
-    let Some((texels, outside)) = light.change else {
-        return Ok(plain.into_iter().map(|plain| [plain, [0.0; 3]]).collect());
-    };
-    let change = match method {
-        DrawingMethod::MinMax { .. } => {
-            return Err(Error::Empty {
-                reason: "a min-max tree knows light and shadow, and not the colours of a light map"
-                    .to_owned(),
-                remedy: "draw with method epipolar or exact, or without a light map",
-            });
-        }
-        DrawingMethod::Prefiltered { coefficients } => {
-            slices.prefiltered(coefficients, Some(texels), outside)
-        }
-        _ => slices.swept(Some(texels), outside),
-    };
-    Ok(plain.into_iter().zip(change).map(|(plain, change)| [plain, change]).collect())
-}
-
 /// The slices of a picture.
+#[derive(Debug)]
 pub(super) struct PictureSlices {
     rows: EpipolarTraversal,
 }
@@ -77,8 +48,42 @@ impl PictureSlices {
         Self { rows: EpipolarTraversal::over(Arc::new(fans), *light_map, scene.solve.basis) }
     }
 
+    /// Bytes that they take.
+    pub(super) fn bytes(&self) -> u64 {
+        self.rows.bytes()
+    }
+
+    /// What the rays of the picture show.
+    ///
+    /// Errors: [`Error::Empty`] for a light map before min-max trees.
+    pub(super) fn shown(&self, method: DrawingMethod, light: SunLight) -> Result<Vec<[Rgb; 2]>> {
+        let start = light.scene.light.radiance;
+        let plain = match method {
+            DrawingMethod::MinMax { .. } => self.by_trees(start),
+            DrawingMethod::Prefiltered { coefficients } => self.prefiltered(coefficients, None, start),
+            _ => self.swept(None, start),
+        };
+        let Some((texels, outside)) = light.change else {
+            return Ok(plain.into_iter().map(|plain| [plain, [0.0; 3]]).collect());
+        };
+        let change = match method {
+            DrawingMethod::MinMax { .. } => {
+                return Err(Error::Empty {
+                    reason: "a min-max tree knows light and shadow, and not the colours of a light map"
+                        .to_owned(),
+                    remedy: "draw with method epipolar or exact, or without a light map",
+                });
+            }
+            DrawingMethod::Prefiltered { coefficients } => {
+                self.prefiltered(coefficients, Some(texels), outside)
+            }
+            _ => self.swept(Some(texels), outside),
+        };
+        Ok(plain.into_iter().zip(change).map(|(plain, change)| [plain, change]).collect())
+    }
+
     /// Under light that is `outside` beside the light map, and everywhere where there are no texels.
-    pub(super) fn swept(&self, texels: Option<&[Rgb]>, outside: Rgb) -> Vec<Rgb> {
+    fn swept(&self, texels: Option<&[Rgb]>, outside: Rgb) -> Vec<Rgb> {
         let [r, g, b] = outside;
         let shown = self.rows.fans().gather::<f32>(&|fan, samples| match texels {
             None => samples.fill([r, g, b, 0.0]),

@@ -88,6 +88,44 @@ impl Record {
     }
 }
 
+/// How one way to draw the scattered light of a view went. Seconds are the least of several runs, first hits apart.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PictureRecord {
+    /// The scene, of which the first view is drawn.
+    pub scene: String,
+    /// Pixels across.
+    pub width: usize,
+    /// Pixels downwards.
+    pub height: usize,
+    /// Texels along a side of the shadow map and of the light map.
+    pub map: usize,
+    /// Whether under a light map, and not under the plain light.
+    pub light_map: bool,
+    /// The method.
+    pub method: String,
+    /// Its number: steps, samples or coefficients.
+    pub number: Option<usize>,
+    /// What is done before the light is known.
+    pub set_up_seconds: f64,
+    /// One picture under a light.
+    pub seconds: f64,
+    /// Root mean square of the difference from the exact rows, relative to the brightest pixel.
+    pub error: f64,
+    /// The largest such difference.
+    pub largest: f64,
+    /// The share of pixels that differ by less than 1/255 of the brightest in each channel.
+    pub within: f64,
+    /// Bytes of slices.
+    pub bytes: u64,
+}
+
+impl PictureRecord {
+    /// `epipolar 1024`.
+    pub fn words(&self) -> String {
+        self.number.map_or_else(|| self.method.clone(), |number| format!("{} {number}", self.method))
+    }
+}
+
 /// A law that a case must hold.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Law {
@@ -322,6 +360,8 @@ pub struct Bench {
     pub against: Vec<Against>,
     /// How cost grows.
     pub scaling: Vec<Sweep>,
+    /// Pictures of scattered light.
+    pub pictures: Vec<PictureRecord>,
     /// What skipping saves.
     pub skipping: Vec<Skipped>,
 }

@@ -4,7 +4,9 @@ use super::super::plot::{self, Chart, ChartAxis, Curve};
 use super::super::ticks::Spacing;
 use super::super::words::{bytes, count, counted, escaped, number, seconds};
 use super::data::{Against, Bench, Law, MarchStanding, Measured, Record, Skipped, Sweep};
-use super::scatter::{Group, Mark, Scatter, scatter};
+use super::figures::{figure, power, put, without_namespace};
+use super::pictures;
+use super::scatter::{Mark, Scatter};
 use crate::Result;
 use crate::scene::SolverName;
 
@@ -19,6 +21,7 @@ pub fn page(bench: &Bench) -> Result<String> {
     for scene in bench.scenes() {
         text.push_str(&of_scene(bench, scene)?);
     }
+    text.push_str(&pictures::section(&bench.pictures)?);
     text.push_str(&scaling(&bench.scaling)?);
     text.push_str(&skipping(&bench.skipping));
     text.push_str(&laws(bench));
@@ -82,26 +85,6 @@ fn of_scene(bench: &Bench, scene: &str) -> Result<String> {
     text.push_str(&against(bench.against.iter().filter(|against| against.scene == scene)));
     text.push_str("</section>\n");
     Ok(text)
-}
-
-fn figure(chart: &Scatter) -> Result<String> {
-    if chart.groups.is_empty() {
-        return Ok(String::new());
-    }
-    Ok(format!("<figure class=\"chart wide\">{}</figure>\n", without_namespace(&scatter(chart)?)))
-}
-
-/// Inside HTML the namespace is understood, and a page without any address is plainly offline.
-fn without_namespace(svg: &str) -> String {
-    svg.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1)
-}
-
-/// Puts a mark into the group of a name, or makes that group.
-fn put(groups: &mut Vec<Group>, label: String, joined: bool, mark: Mark) {
-    match groups.iter_mut().find(|group| group.label == label) {
-        Some(group) => group.marks.push(mark),
-        None => groups.push(Group { label, joined, marks: vec![mark] }),
-    }
 }
 
 fn products(basis: &str, records: &[&Record]) -> Scatter {
@@ -178,11 +161,6 @@ fn against<'a>(marches: impl Iterator<Item = &'a Against>) -> String {
          <thead><tr><th></th><th>steps</th><th>error</th><th>time</th><th>exact: error</th><th>time</th><th>the march is</th>\
          </tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n</details>\n"
     )
-}
-
-/// An exponent in words.
-fn power(exponent: Option<f64>) -> String {
-    exponent.map_or("–".to_owned(), |exponent| format!("{exponent:.2}").replace('-', "−"))
 }
 
 fn scaling(sweeps: &[Sweep]) -> Result<String> {
