@@ -23,7 +23,7 @@ use crate::Result;
 use crate::io::scene_file::Chosen;
 use crate::operator::CpuVector;
 use crate::problem::{
-    Assessment, Assessor, Canvas, Constraint, LightMapProblem, Renderer, Surfaces, held_back, pixels,
+    Assessment, Assessor, Canvas, Constraint, Drawing, LightMapProblem, Renderer, Surfaces, held_back, pixels,
 };
 use crate::report::{
     self, Change, FoundPicture, LightRecord, Report, Share, SunRecord, SurroundingsRecord, ViewMatch,
@@ -291,7 +291,8 @@ fn preview(
     let [texels, _] = problem.parted(elements);
     let name = format!("{prefix}light_map");
     folder.write_picture(&name, &light_map_picture(problem, texels)?, exposure_of(problem))?;
-    let renderer = Renderer::new(scene, &problem.maps, Some(elements))?;
+    let renderer =
+        Renderer::new(scene, &problem.maps, Some(elements))?.drawing(Drawing::preview(&problem.maps));
     let drawn = (0..scene.views.len()).map(|view| renderer.picture(view, &Canvas::Processor));
     let drawn = drawn.collect::<Result<Vec<_>>>()?;
     let exposure = scene.exposure.unwrap_or_else(|| readable(drawn.iter().map(|it| &it.before)));

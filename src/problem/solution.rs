@@ -180,7 +180,8 @@ fn restored<O: LinearOperator>(
 ) -> Result<()> {
     if let Some(correction) = correction {
         let own = state.vectors.split_off(state.vectors.len().saturating_sub(2));
-        correction.restore(&own)?;
+        let numbers = state.scalars.split_off(state.scalars.len().saturating_sub(3));
+        correction.restore(&own, &numbers)?;
     }
     restore(method, &state)
 }
@@ -244,8 +245,12 @@ struct Moment<'a, 'b, V: Indexed, R: Vector> {
 
 impl<V: Indexed + 'static, R: Vector + 'static> Snapshot for Moment<'_, '_, V, R> {
     fn outline(&mut self) -> (Vec<usize>, Vec<f64>) {
-        let (mut lengths, scalars) = outline(self.method);
-        lengths.extend(self.correction.iter().flat_map(|it| it.outline()));
+        let (mut lengths, mut scalars) = outline(self.method);
+        if let Some(correction) = self.correction {
+            let (own, numbers) = correction.outline();
+            lengths.extend(own);
+            scalars.extend(numbers);
+        }
         (lengths, scalars)
     }
 

@@ -1,6 +1,6 @@
 //! Defect correction: an operator that is cheap and near stands for one that is exact and dear.
 
-use std::cell::{RefCell, RefMut};
+use std::cell::{Cell, RefCell, RefMut};
 
 use super::Vectors;
 use crate::operator::{LinearOperator, Vector};
@@ -13,10 +13,14 @@ use crate::{Error, Result};
 /// method steps as it would with A alone. Where it has come to is looked at anew, until both agree there (Hackbusch, *Multi-Grid Methods
 /// and Applications*, section 14; Stetter 1978).
 ///
+/// Where that no longer brings much, Â itself is iterated with.
+///
 /// Cost    one application of Â and of Âᵀ a look
 pub struct Correction<'a, O: LinearOperator> {
     exact: &'a dyn LinearOperator<Domain = O::Domain, Range = O::Range>,
     defect: RefCell<Defect<O>>,
+    /// Whether Â is iterated with, because A brings no more.
+    is_exact: Cell<bool>,
 }
 
 /// d and c, and room to find them.
@@ -42,7 +46,17 @@ impl<'a, O: LinearOperator> Correction<'a, O> {
         let (rows, elements) = (|| exact.range(), || exact.domain());
         let defect =
             Defect { of_rows: rows(), of_elements: elements(), row_room: rows(), element_room: elements() };
-        Self { exact, defect: RefCell::new(defect) }
+        Self { exact, defect: RefCell::new(defect), is_exact: Cell::new(false) }
+    }
+
+    /// Whether Â is iterated with.
+    pub(super) fn is_exact(&self) -> bool {
+        self.is_exact.get()
+    }
+
+    /// Iterates with Â from now on.
+    pub(super) fn give_up(&self) {
+        self.is_exact.set(true);
     }
 
     pub(super) fn exact(&self) -> &dyn LinearOperator<Domain = O::Domain, Range = O::Range> {
@@ -63,10 +77,11 @@ impl<'a, O: LinearOperator> Correction<'a, O> {
         s.axpby([1.0; 3], &self.defect.borrow().of_elements, [1.0; 3]);
     }
 
-    /// The lengths of c and d, which a solve needs beside its method's state to go on.
-    pub fn outline(&self) -> [usize; 2] {
+    /// The lengths of c and d, which a solve needs beside its method's state to go on, and a number for each channel.
+    pub fn outline(&self) -> ([usize; 2], [f64; 3]) {
         let defect = self.defect.borrow();
-        [defect.of_elements.len(), defect.of_rows.len()]
+        let is_exact = f64::from(u8::from(self.is_exact.get()));
+        ([defect.of_elements.len(), defect.of_rows.len()], [is_exact; 3])
     }
 
     /// Gives c and d away, one after the other.
@@ -78,10 +93,10 @@ impl<'a, O: LinearOperator> Correction<'a, O> {
         put(defect.of_rows.to_host()?)
     }
 
-    /// Takes c and d as they were handed out.
+    /// Takes c, d and the numbers as they were handed out.
     ///
     /// Errors: [`Error::Shape`] where they are those of another problem.
-    pub fn restore(&self, vectors: &[Vec<[f64; 3]>]) -> Result<()> {
+    pub fn restore(&self, vectors: &[Vec<[f64; 3]>], numbers: &[f64]) -> Result<()> {
         let [of_elements, of_rows] = vectors else {
             return Err(Error::Shape {
                 what: "a saved correction (vectors)",
@@ -89,6 +104,7 @@ impl<'a, O: LinearOperator> Correction<'a, O> {
                 got: vectors.len(),
             });
         };
+        self.is_exact.set(numbers.first().is_some_and(|&is_exact| is_exact > 0.0));
         let mut defect = self.defect.borrow_mut();
         defect.of_elements.set_from_host(of_elements)?;
         defect.of_rows.set_from_host(of_rows)

@@ -142,8 +142,9 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
             let truth = largest(outcome.true_normal_residual);
             let enough = if problem.is_corrected() { CORRECTED } else { 0.5 };
             let helps = truth < enough * history.least_true;
-            if !helps || iteration >= limits.iterations {
-                let reason = if helps { StopReason::Iterations } else { StopReason::Stagnation };
+            let goes_on = helps || iteration < limits.iterations && problem.give_up_correcting();
+            if !goes_on || iteration >= limits.iterations {
+                let reason = if goes_on { StopReason::Iterations } else { StopReason::Stagnation };
                 return Ok(Outcome { stop: Ending { reason, iteration }, ..outcome });
             }
             history.least_true = truth;

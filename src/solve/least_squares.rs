@@ -62,12 +62,22 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
 
     /// Whether the operator is only near an exact one.
     pub(super) fn is_corrected(&self) -> bool {
-        self.correction.is_some()
+        self.correction().is_some()
+    }
+
+    /// The correction, while it is in use.
+    fn correction(&self) -> Option<&'a Correction<'a, O>> {
+        self.correction.filter(|correction| !correction.is_exact())
+    }
+
+    /// Takes the exact operator from now on, where another one was iterated with. False where it was not.
+    pub(super) fn give_up_correcting(&self) -> bool {
+        self.correction().inspect(|correction| correction.give_up()).is_some()
     }
 
     /// Makes residual and gradient at x those of the exact operator, where there is one.
     pub(super) fn look_at(&self, x: &O::Domain) -> Result<()> {
-        let Some(correction) = self.correction else { return Ok(()) };
+        let Some(correction) = self.correction() else { return Ok(()) };
         let Defect { of_rows, of_elements, row_room, element_room } = &mut *correction.defect();
         self.applications.set(self.applications.get() + 2);
         correction.exact().apply(x, of_rows)?;
@@ -116,7 +126,10 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     /// Errors: those of the operator, [`Error::Shape`](crate::Error::Shape) for vectors that do not fit among them.
     pub fn apply(&self, x: &O::Domain, y: &mut O::Range) -> Result<()> {
         self.applications.set(self.applications.get() + 1);
-        self.operator.apply(x, y)
+        match self.correction.filter(|correction| correction.is_exact()) {
+            Some(correction) => correction.exact().apply(x, y),
+            None => self.operator.apply(x, y),
+        }
     }
 
     /// x ← Aᵀ y.
@@ -124,7 +137,10 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     /// Errors: those of the operator, [`Error::Shape`](crate::Error::Shape) for vectors that do not fit among them.
     pub fn apply_adjoint(&self, y: &O::Range, x: &mut O::Domain) -> Result<()> {
         self.applications.set(self.applications.get() + 1);
-        self.operator.apply_adjoint(y, x)
+        match self.correction.filter(|correction| correction.is_exact()) {
+            Some(correction) => correction.exact().apply_adjoint(y, x),
+            None => self.operator.apply_adjoint(y, x),
+        }
     }
 
     /// r ← b − A x.
@@ -133,7 +149,7 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     pub fn residual(&self, x: &O::Domain, r: &mut O::Range) -> Result<()> {
         self.apply(x, r)?;
         r.axpby([1.0; 3], self.rhs, [-1.0; 3]);
-        if let Some(correction) = self.correction {
+        if let Some(correction) = self.correction() {
             correction.correct_residual(r);
         }
         Ok(())
@@ -153,7 +169,7 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
     /// Errors: as [`Self::gradient`].
     pub fn descent(&self, r: &O::Range, s: &mut O::Domain) -> Result<()> {
         self.apply_adjoint(r, s)?;
-        if let Some(correction) = self.correction {
+        if let Some(correction) = self.correction() {
             correction.correct_descent(s);
         }
         Ok(())
@@ -203,6 +219,7 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
 
     /// Whether ‖A x‖² ≤ xᵀ M x is known.
     pub fn is_majorized(&self) -> bool {
-        self.metric.is_some_and(Metric::majorizes)
+        // The metric is that of the operator that is iterated with at first.
+        self.correction.is_none_or(|it| !it.is_exact()) && self.metric.is_some_and(Metric::majorizes)
     }
 }

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use glam::DAffine3;
+
 use super::log::Log;
 use super::subject::SceneSource;
 use crate::Result;
@@ -59,14 +61,12 @@ pub(super) fn pictures(
 /// All pictures of one size, under the plain light and under a light map.
 fn of_size(source: &SceneSource, size: [usize; 2], map: usize, stop: &Stop) -> Result<Vec<PictureRecord>> {
     let [width, height] = size;
-    let sets = [
-        format!("views[0].camera.size=[{width},{height}]"),
-        format!("shadow_map.size={map}"),
-        format!("light_map.size={map}"),
-    ];
+    let sets = [format!("shadow_map.size={map}"), format!("light_map.size={map}")];
     let Scenes::LightMap(scene) = source.load(&sets)? else { return Ok(Vec::new()) };
     let maps = fit(&scene, &scene.light_map, &Arc::new(Geometry::new(scene.mesh.clone())?))?;
-    let view = ScatteredView::new(&scene, &maps, 0);
+    // Paint is in pixels, and stays where it is.
+    let camera = scene.views[0].camera.moved(DAffine3::IDENTITY, size)?;
+    let view = ScatteredView::new(&scene, &maps, &camera);
     let change = waves(maps.light_map.size, scene.light.radiance);
     let mut records = Vec::new();
     for light_map in [false, true] {

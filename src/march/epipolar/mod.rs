@@ -379,6 +379,6 @@ fn refuse(rows: &LightMapTraversal) -> Result<()> {
     };
     Err(Error::Empty {
         reason: reason.to_owned(),
-        remedy: "take the exact rows: solve.strategy=auto, or --method exact",
+        remedy: "take the exact rows: solve.strategy=auto, or draw with method exact",
     })
 }

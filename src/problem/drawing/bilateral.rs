@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::marched::marched;
-use super::{MARCHED_TO, PictureRays, SunLight};
+use super::rays::{MARCHED_TO, PictureRays, SunLight};
 use crate::march::ViewRay;
 use crate::scene::Rgb;
 

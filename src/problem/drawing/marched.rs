@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::{MARCHED_TO, SunLight};
+use super::rays::{MARCHED_TO, SunLight};
 use crate::march::ViewRay;
 use crate::scene::{Basis, Grid, Rgb, rgb};
 

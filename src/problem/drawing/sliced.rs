@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{DrawingMethod, PictureRays, SunLight};
+use super::method::DrawingMethod;
+use super::rays::{PictureRays, SunLight};
 use crate::march::{
     EpipolarSettings, EpipolarTraversal, Fan, FanRay, Fans, MinMaxTree, PrefilterWeighting, Prefiltered,
     SlicedRays,

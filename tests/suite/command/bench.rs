@@ -238,3 +238,24 @@ fn lights_cannot_be_marched_and_are_measured_without() {
     assert_eq!(bench["records"].as_array().unwrap().len(), 2 * 2 * 2 + 9);
     assert!(bench["scaling"].as_array().unwrap().iter().any(|sweep| sweep["over"] == "lights"));
 }
+
+#[test]
+fn pictures_are_drawn_in_every_way_on_one_page() {
+    let desk = Desk::new();
+    let ran = desk.run(&["bench", "scene.json", "--pictures", "--quick", "-q"]).exits_with(0);
+    assert!(ran.out.contains("epipolar 1024"), "{}", ran.out);
+    let bench = desk.json("out/bench/bench.json");
+    let pictures = bench["pictures"].as_array().unwrap();
+    for method in ["exact", "march", "min-max", "prefiltered", "epipolar", "bilateral"] {
+        assert!(pictures.iter().any(|it| it["method"] == method), "{method}");
+    }
+    let error = |samples: u64| {
+        let of =
+            |it: &&Value| it["method"] == "epipolar" && it["number"] == samples && it["light_map"] == true;
+        pictures.iter().find(of).unwrap()["error"].as_f64().unwrap()
+    };
+    assert!(error(2048) < 5e-3 && error(256) >= 0.9 * error(2048), "{} and {}", error(256), error(2048));
+    let page = String::from_utf8(desk.read("out/bench/bench.html")).unwrap();
+    assert!(page.contains("Pictures of scattered light") && page.contains("prefiltered"));
+    desk.run(&["bench", "--pictures", "--all"]).exits_with(2);
+}

@@ -103,3 +103,22 @@ fn a_scene_looks_the_same_in_every_unit() {
         }
     }
 }
+
+#[test]
+fn views_are_drawn_by_any_method_and_what_is_none_says_what_there_is() {
+    let desk = super::Desk::new();
+    let drawn = |name: &str, flags: &[&str]| {
+        desk.run(&[&["render", "scene.json", "-q", "-o", name], flags].concat()).exits_with(0);
+        image::load_from_memory(&desk.read(&format!("{name}/left.png"))).unwrap().to_rgb8().into_raw()
+    };
+    let exact = drawn("exact", &[]);
+    for method in ["march", "min-max", "prefiltered", "epipolar", "bilateral"] {
+        let other = drawn(method, &["--method", method]);
+        let steps: u64 = exact.iter().zip(&other).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+        assert!(steps < 4 * exact.len() as u64, "{method} is off by {steps} steps");
+    }
+    drawn("reduced", &["--method", "epipolar:256", "--reduced", "4"]);
+    desk.run(&["render", "scene.json", "--method", "marsh"]).exits_with(2).tells("prefiltered[:coefficients");
+    desk.run(&["render", "scene.json", "--method", "epipolar:0"]).exits_with(2).tells("32768");
+    desk.run(&["render", "scene.json", "--reduced", "0"]).exits_with(2);
+}
