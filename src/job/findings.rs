@@ -8,7 +8,7 @@ use crate::Result;
 use crate::operator::Scalars;
 use crate::problem::{Formulation, Part, Problem, RegularizationWeights};
 use crate::report::{Certificate, Coverage, ProblemSize, Report, RowStrategy, Share, StopRecord};
-use crate::scene::{Rgb, SolveSettings, Target};
+use crate::scene::{Rgb, SolveSettings, Strategy, Target};
 use crate::solve::Outcome;
 
 /// Everything that a solve has found out.
@@ -45,6 +45,7 @@ impl Findings<'_> {
             strategy: RowStrategy {
                 name: match (storage.kept_rows, storage.walked_rows) {
                     _ if storage.of_light_volumes => "light volumes",
+                    _ if self.settings.strategy == Strategy::Epipolar => "epipolar",
                     (_, 0) => "assembled",
                     (0, _) => "matrix-free",
                     _ => "mixed",

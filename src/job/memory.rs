@@ -129,7 +129,8 @@ impl MemoryBudget {
         let asked = settings.regularization;
         let is_smooth = [asked.gradient, asked.laplacian] != [RegularizationWeight::Relative(0.0); 2];
         let is_kept = settings.strategy != Strategy::MatrixFree && problem.kept_bytes() <= self.allowed;
-        !(settings.solver == SolverName::Fista && is_smooth && is_kept)
+        let is_sliced = settings.strategy == Strategy::Epipolar;
+        !is_sliced && !(settings.solver == SolverName::Fista && is_smooth && is_kept)
     }
 }
 

@@ -53,7 +53,7 @@ pub struct Plan {
     pub other_bytes: u64,
     /// Bytes that may be used.
     pub budget_bytes: u64,
-    /// `assembled`, `mixed`, `matrix-free` or `light volumes`.
+    /// `assembled`, `mixed`, `matrix-free`, `epipolar` or `light volumes`.
     pub strategy: &'static str,
     /// Share of the rows that is kept.
     pub kept: f64,

@@ -280,7 +280,7 @@ pub struct Work {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RowStrategy {
-    /// `assembled`, `matrix-free`, `mixed` or `light volumes`.
+    /// `assembled`, `matrix-free`, `mixed`, `epipolar` or `light volumes`.
     pub name: String,
     /// Rows whose non-zeros were kept in memory.
     pub kept_rows: u64,

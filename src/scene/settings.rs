@@ -273,6 +273,8 @@ impl SolveSettings {
     pub fn metric_in_use(&self) -> MetricName {
         match self.solver {
             SolverName::FlexibleCgls | SolverName::Lsqr | SolverName::Lsmr => MetricName::None,
+            // Tiles would be made of rows, one by one, which is what slices save.
+            _ if self.strategy == Strategy::Epipolar && self.metric == MetricName::Auto => MetricName::Sqs,
             SolverName::Fista | SolverName::Cgls if self.metric == MetricName::Auto => MetricName::Tiles,
             SolverName::Fista | SolverName::Cgls => self.metric,
             _ if matches!(self.metric, MetricName::Auto | MetricName::Tiles) => MetricName::Sqs,

@@ -191,7 +191,6 @@ impl<O: LinearOperator> Judge<'_, O> {
         let mut at = x.zeros_like();
         at.copy_from(x);
         at.clamp(bounds);
-        self.problem.look_at(&at)?;
         self.problem.residual(&at, &mut self.r)?;
         self.problem.gradient(&self.r, &mut self.s)?;
         Ok(Measure {
@@ -208,13 +207,6 @@ impl<O: LinearOperator> Judge<'_, O> {
         reference: Option<Measure>,
     ) -> Result<History> {
         let before = self.problem.applications();
-        if self.problem.is_corrected() {
-            let mut at = x.zeros_like();
-            at.copy_from(x);
-            let none = Bounds::NONE;
-            at.clamp(if method.keeps_bounds() { self.problem.bounds() } else { &none });
-            self.problem.look_at(&at)?;
-        }
         method.begin(self.problem, x)?;
         let measure = finite(method.measure(), 0)?;
         let reference = reference.unwrap_or(measure);

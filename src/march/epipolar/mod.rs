@@ -40,8 +40,8 @@ use super::{LightMapTraversal, Real, Traversal, Weight};
 use crate::scene::{Basis, Grid};
 use crate::{Error, Result};
 
-/// Rows of texels that one task of a scatter writes to, at most.
-const TEXEL_ROWS: usize = 64;
+/// Pieces of a map, for each thread, that a scatter is cut into.
+const PIECES: usize = 4;
 /// Entries of a row among which a texel of the sample before stands.
 const NEARBY: usize = 12;
 
@@ -203,7 +203,7 @@ impl EpipolarTraversal {
     fn spread<X: Real>(&self, samples: &[Vec<[X; 4]>]) -> Vec<[X; 3]> {
         let [width, height] = self.light_map.size;
         let mut x = vec![[X::zero(); 3]; width * height];
-        let rows_at_once = height.div_ceil(16).clamp(1, TEXEL_ROWS);
+        let rows_at_once = height.div_ceil(PIECES * rayon::current_num_threads());
         x.par_chunks_mut(width * rows_at_once).enumerate().for_each(|(piece, x)| {
             let rows = piece * rows_at_once..piece * rows_at_once + x.len() / width;
             for (fan, samples) in self.fans.fans().iter().zip(samples) {
@@ -223,8 +223,11 @@ impl EpipolarTraversal {
         rows: &Range<usize>,
         x: &mut [[X; 3]],
     ) {
-        let (cells, size) = (self.cells::<1, N, B>(fan), self.light_map.size);
         let near = near(fan, &self.light_map, rows);
+        if near.is_empty() {
+            return;
+        }
+        let (cells, size) = (self.cells::<1, N, B>(fan), self.light_map.size);
         for (&sample, value) in fan.needed()[near.clone()].iter().zip(&samples[near]) {
             let piece = cells.at(fan.middle(usize::from(sample)));
             for (number, weight) in B::sample(&piece, size).into_iter().enumerate() {
@@ -359,6 +362,9 @@ fn near(fan: &Fan, light_map: &Grid, rows: &Range<usize>) -> Range<usize> {
     let [a, b] = reach.map(place);
     let [a, b] =
         [a.min(b).floor() - 1.0, a.max(b).ceil() + 1.0].map(|j| j.clamp(0.0, samples as f64) as usize);
+    if a >= b {
+        return 0..0;
+    }
     let number = |sample: usize| fan.needed().partition_point(|&needed| usize::from(needed) < sample);
     number(a)..number(b)
 }
