@@ -130,7 +130,7 @@ impl MemoryBudget {
         let is_smooth = [asked.gradient, asked.laplacian] != [RegularizationWeight::Relative(0.0); 2];
         let is_kept = settings.strategy != Strategy::MatrixFree && problem.kept_bytes() <= self.allowed;
         let is_sliced = settings.strategy == Strategy::Epipolar;
-        !is_sliced && !(settings.solver == SolverName::Fista && is_smooth && is_kept)
+        !(is_sliced || settings.solver == SolverName::Fista && is_smooth && is_kept)
     }
 }
 

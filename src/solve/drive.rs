@@ -85,7 +85,7 @@ const PARTED: f64 = 1.5;
 /// The part of a normal residual that a correction must leave at most to be worth another one.
 const CORRECTED: f64 = 0.9;
 /// The part of the tolerance down to which an operator that is corrected is iterated with: some of the rest is the correction's.
-const AHEAD: f64 = 0.6;
+const AHEAD: f64 = 0.75;
 
 /// Runs a method until it should stop.
 ///

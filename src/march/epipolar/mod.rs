@@ -5,7 +5,9 @@
 //! t = q ξ with q = 1 / sin θ. Sample j of the half-plane is lit for it where κ ≤ c_j = ζ_j / ξ_j, with ζ_j the depth of the first surface
 //! there. So a ray shows
 //!
-//!     Σ_j [κ ≤ c_j] [ξ_j < ξ_end] x̂_j (e^{−σ q a_j} − e^{−σ q b_j}) ,    x̂ = S x
+//! ```text
+//! Σ_j [κ ≤ c_j] [ξ_j < ξ_end] x̂_j (e^{−σ q a_j} − e^{−σ q b_j}) ,    x̂ = S x
+//! ```
 //!
 //! with [a_j, b_j] the edges of the sample and S the texels' basis there. Sorted by κ and c, these are sums over a prefix of a prefix; with
 //! the transmittance expanded in few products (`expansion.rs`) a sweep with trees of partial sums takes O(log n) a ray

@@ -151,7 +151,7 @@ impl<'a> ScatteredView<'a> {
 
     /// The view under the plain light, or under texels that differ from it by so much.
     ///
-    /// Errors: as [`super::Renderer::picture`].
+    /// Errors: [`Error::Empty`] for panes, and for a light map that the method cannot show.
     pub fn drawn(&self, method: DrawingMethod, change: Option<&[Rgb]>) -> Result<DrawnView> {
         let angles = PixelAngles::of(self.camera);
         let [width, _] = self.camera.size();

@@ -105,15 +105,19 @@ impl PictureSlices {
         let fans = self.rows.fans();
         self.each_fan(light, |fan| {
             let tree = MinMaxTree::new(fan);
-            move |ray: &FanRay| tree.weight(ray, fans.sigma_t()).0.map(|weight| weight as f32)
+            move |ray: &FanRay| {
+                let (weight, _) = tree.weight(ray, fans.sigma_t());
+                rgb(|c| weight[c] as f32 * light[c])
+            }
         })
     }
 
     fn prefiltered(&self, coefficients: usize, texels: Option<&[Rgb]>, outside: Rgb) -> Vec<Rgb> {
         let fans = self.rows.fans();
         let weighting = PrefilterWeighting::Transmittance;
-        let is_constant = texels.is_none();
-        let shown = self.each_fan(if is_constant { outside } else { [1.0; 3] }, |fan| {
+        // Samples of constant light are 1.
+        let times = if texels.is_none() { outside } else { [1.0; 3] };
+        self.each_fan(outside, |fan| {
             let light = texels.map(|texels| {
                 let mut samples = vec![[0.0; 4]; fan.slopes.len()];
                 self.rows.light_at(texels, outside, fan, 0..fan.slopes.len(), &mut samples);
@@ -121,15 +125,17 @@ impl PictureSlices {
             });
             let of = (fan, fans.rays_of(fan));
             let filtered = Prefiltered::new(of, fans.sigma_t(), coefficients, weighting, light.as_deref());
-            move |ray: &FanRay| filtered.of(ray).map(|shown| shown as f32)
-        });
-        shown
+            move |ray: &FanRay| {
+                let shown = filtered.of(ray);
+                rgb(|c| shown[c] as f32 * times[c])
+            }
+        })
     }
 
-    /// What rays show of the samples of their fan, times some light, by something that is made of each fan.
+    /// What rays show, of the samples of their fan by something that is made of each fan, and of the light beside them.
     fn each_fan<'a, F: Fn(&FanRay) -> Rgb>(
         &'a self,
-        light: Rgb,
+        beside: Rgb,
         of: impl Fn(&'a Fan) -> F + Sync,
     ) -> Vec<Rgb> {
         let fans = self.rows.fans();
@@ -137,13 +143,13 @@ impl PictureSlices {
             let shown = of(fan);
             let ray = |ray: &FanRay| {
                 let (shown, scattering) = (shown(ray), ray.scattering());
-                let [r, g, b] = rgb(|c| shown[c] * scattering[c] * light[c]);
+                let [r, g, b] = rgb(|c| shown[c] * scattering[c]);
                 [r, g, b, 0.0]
             };
             fans.rays_of(fan).iter().map(ray).collect()
         };
         let shown: Vec<Vec<[f32; 4]>> = fans.fans().par_iter().map(rays).collect();
-        self.with_what_is_beside(shown.concat(), light)
+        self.with_what_is_beside(shown.concat(), beside)
     }
 
     /// The same with the light before the first sample and behind the last, where everything is lit.
