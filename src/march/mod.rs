@@ -20,8 +20,8 @@ mod volume;
 use rayon::prelude::*;
 
 pub use epipolar::{
-    EpipolarSettings, EpipolarTraversal, Expansion, Fan, FanRay, Fans, MOST_COEFFICIENTS, MOST_SAMPLES,
-    MOST_TERMS, MinMaxTree, PrefilterWeighting, Prefiltered, SlicedRays,
+    EpipolarSettings, EpipolarTraversal, Fan, FanRay, Fans, MOST_COEFFICIENTS, MOST_SAMPLES, MinMaxTree,
+    PrefilterWeighting, Prefiltered, SlicedRays,
 };
 pub use exponential::{SERIES_0, SERIES_2};
 pub use further_weights::{FurtherWeights, Reflected};

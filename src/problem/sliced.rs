@@ -13,7 +13,7 @@ use crate::{Error, Result};
 
 /// A light map behind painted pixels, as slices show it: all is that of the exact rows but T.
 #[derive(Debug)]
-pub struct SlicedProblem {
+pub(super) struct SlicedProblem {
     exact: Box<dyn Problem>,
     settings: EpipolarSettings,
     rows: EpipolarTraversal,
@@ -25,11 +25,6 @@ impl SlicedProblem {
     pub(super) fn new(exact: Box<dyn Problem>, rows: EpipolarTraversal, settings: EpipolarSettings) -> Self {
         let plan = WalkPlan::of(&rows, exact.is_grey());
         Self { exact, settings, rows, plan }
-    }
-
-    /// The rows.
-    pub fn traversal(&self) -> &EpipolarTraversal {
-        &self.rows
     }
 }
 

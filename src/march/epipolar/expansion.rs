@@ -3,13 +3,13 @@
 use std::f64::consts::PI;
 
 /// The most terms of an expansion.
-pub const MOST_TERMS: usize = 12;
+const MOST_TERMS: usize = 12;
 
 /// `e^{−σ q ξ}` for q of a range as `Σ_m a_m(q) e^{−σ q_m ξ}`: the polynomial in q through the values at Chebyshev's nodes q_m.
 ///
 /// The a_m are the same for all σ, so one expansion serves all channels.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Expansion {
+pub(super) struct Expansion {
     nodes: Vec<f64>,
     /// Of the barycentric formula.
     weights: Vec<f64>,
@@ -18,7 +18,7 @@ pub struct Expansion {
 impl Expansion {
     /// With as few terms as keep the error below `tolerance`, for q in [least, most] and optical depths σ ξ up to `depth`; with
     /// [`MOST_TERMS`] where these are not enough.
-    pub fn new([least, most]: [f64; 2], depth: f64, tolerance: f64) -> Self {
+    pub(super) fn new([least, most]: [f64; 2], depth: f64, tolerance: f64) -> Self {
         let enough = |terms: &usize| error_bound([least, most], depth, *terms) <= tolerance;
         let terms = (1..MOST_TERMS).find(enough).unwrap_or(MOST_TERMS);
         let angle = |m: usize| PI * (2 * m + 1) as f64 / (2 * terms) as f64;
@@ -28,17 +28,17 @@ impl Expansion {
     }
 
     /// The q_m.
-    pub fn nodes(&self) -> &[f64] {
+    pub(super) fn nodes(&self) -> &[f64] {
         &self.nodes
     }
 
     /// The number of terms.
-    pub fn terms(&self) -> usize {
+    pub(super) fn terms(&self) -> usize {
         self.nodes.len()
     }
 
     /// Gives `take` the a_m(q) in their order.
-    pub fn coefficients(&self, q: f64, mut take: impl FnMut(f64)) {
+    pub(super) fn coefficients(&self, q: f64, mut take: impl FnMut(f64)) {
         if let Some(exact) = self.nodes.iter().position(|node| *node == q) {
             return (0..self.terms()).for_each(|m| take(if m == exact { 1.0 } else { 0.0 }));
         }

@@ -1,6 +1,6 @@
 //! Lit stretches of a slice by a tree of least and largest slopes.
 
-use super::fans::{Fan, FanRay};
+use super::fan::{Fan, FanRay};
 
 /// A binary tree over the samples of a fan, each node with the least and the largest slope below it: the 1D min-max mipmap of Chen et al.
 /// 2011. It knows where a ray is lit and not what colour the light has there.

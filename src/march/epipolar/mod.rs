@@ -17,9 +17,11 @@
 //! of samples; and the expansion is cut at a tolerance. Min-max trees (Chen et al. 2011) and prefilters (Klehm et al. 2014) work on the same slices.
 
 mod expansion;
+mod fan;
 mod fans;
 mod min_max;
 mod prefiltered;
+mod sliced_rays;
 mod slices;
 #[cfg(test)]
 mod tests;
@@ -30,10 +32,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-pub use expansion::{Expansion, MOST_TERMS};
-pub use fans::{EpipolarSettings, Fan, FanRay, Fans, MOST_SAMPLES, SlicedRays};
+pub use fan::{Fan, FanRay, MOST_SAMPLES};
+pub use fans::Fans;
 pub use min_max::MinMaxTree;
 pub use prefiltered::{MOST_COEFFICIENTS, PrefilterWeighting, Prefiltered};
+pub use sliced_rays::{EpipolarSettings, SlicedRays};
 
 use super::basis::{Bilinear, NearestTexel, TexelBasis, add};
 use super::texels::TexelRay;
@@ -274,11 +277,11 @@ impl EpipolarTraversal {
         place: usize,
         weights: &mut Vec<(usize, Weight<F, C>)>,
     ) {
-        let fans = self.fans.fans();
-        let fan = &fans[fans.partition_point(|fan| fan.begin() <= place) - 1];
-        let (cells, size) = (self.cells::<C, N, B>(fan), self.light_map.size);
-        fan.walk(&self.fans, place - fan.begin(), |j, weight| {
-            let piece = cells.at(fan.middle(usize::from(fan.needed()[j])));
+        let size = self.light_map.size;
+        let mut of_fan = None;
+        self.fans.walk(place, |fan, needed, weight| {
+            let cells = of_fan.get_or_insert_with(|| self.cells::<C, N, B>(fan));
+            let piece = cells.at(fan.middle(usize::from(fan.needed()[needed])));
             for (number, share) in B::sample(&piece, size).into_iter().enumerate().filter(|it| it.1 != 0.0) {
                 let weight = std::array::from_fn(|c| F::of(weight[c] * share));
                 add_to(weights, B::texel(piece.cell, number, size), weight);

@@ -11,7 +11,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::fans::{Fan, FanRay};
+use super::fan::{Fan, FanRay};
 
 /// The most coefficients.
 pub const MOST_COEFFICIENTS: usize = 256;
