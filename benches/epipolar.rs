@@ -1,6 +1,6 @@
 //! Rows over slices: time and error beside the exact rows, by slices, samples and terms; and a solve of views that are painted all over.
 //!
-//!     cargo bench --bench epipolar [-- products|sweeps|solve]
+//!     cargo bench --bench epipolar [-- products|methods|sweeps|solve]
 #![allow(missing_docs, clippy::unwrap_used, reason = "a bench that cannot go on should stop")]
 #![allow(clippy::print_stdout, reason = "figures are what it is for")]
 
@@ -14,7 +14,9 @@ use unscatter::march::{
     EpipolarSettings, EpipolarTraversal, LightMapTransport, LightMapTraversal, Traversal, ViewRay,
 };
 use unscatter::operator::TransportOperator;
-use unscatter::problem::{LightMapProblem, Maps, Problem, Transports, fit, near, solve};
+use unscatter::problem::{
+    DrawingMethod, DrawnView, LightMapProblem, Maps, Problem, ScatteredView, Transports, fit, near, solve,
+};
 use unscatter::scene::{Camera, Rgb, Scene, Strategy};
 use unscatter::solve::Control;
 use unscatter::visibility::Geometry;
@@ -28,6 +30,9 @@ fn main() {
     let is_asked = |name: &str| asked.is_empty() || asked.iter().any(|it| it == name);
     if is_asked("products") {
         products();
+    }
+    if is_asked("methods") {
+        methods();
     }
     if is_asked("sweeps") {
         sweeps();
@@ -162,6 +167,48 @@ fn products() {
                     100.0 * within
                 );
             }
+        }
+    }
+}
+
+/// Every method in full HD, maps of 1024², under the plain light.
+fn methods() {
+    println!(
+        "1920 x 1080, maps of 1024², plain light, first hits apart; errors relative to the brightest pixel"
+    );
+    for name in DEMOS {
+        let sets = ["shadow_map.size=1024", "light_map.size=1024"].map(str::to_owned);
+        let scene = load(Path::new(&format!("strokes/{name}.json")), &sets).unwrap();
+        let geometry = Arc::new(Geometry::new(scene.mesh.clone()).unwrap());
+        let maps = fit(&scene, &scene.light_map, &geometry).unwrap();
+        let camera = scene.views[0].camera.moved(glam::DAffine3::IDENTITY, [1920, 1080]).unwrap();
+        let view = ScatteredView::new(&scene, &maps, &camera);
+        let truth = view.drawn(DrawingMethod::Exact, None).unwrap();
+        let brightest = truth.pixels.iter().flatten().copied().fold(0.0, f32::max);
+        for method in [
+            "exact",
+            "march:64",
+            "march:256",
+            "min-max:1024",
+            "prefiltered:16",
+            "prefiltered:32",
+            "prefiltered:128",
+            "epipolar:1024",
+            "bilateral:32",
+        ] {
+            let drawn: Vec<DrawnView> =
+                (0..2).map(|_| view.drawn(method.parse().unwrap(), None).unwrap()).collect();
+            let least =
+                |seconds: fn(&DrawnView) -> f64| drawn.iter().map(seconds).fold(f64::INFINITY, f64::min);
+            let pairs = drawn[0].pixels.iter().flatten().zip(truth.pixels.iter().flatten());
+            let squares: f64 = pairs.map(|(a, b)| f64::from((a - b) / brightest).powi(2)).sum();
+            println!(
+                "  {name:8} {method:16} set-up {:.3} s, picture {:.3} s, rms error {:.1e}, {:3} MiB",
+                least(|it| it.set_up_seconds),
+                least(|it| it.seconds),
+                (squares / (3 * truth.pixels.len()) as f64).sqrt(),
+                drawn[0].bytes >> 20
+            );
         }
     }
 }

@@ -167,6 +167,11 @@ impl ProblemSolve<'_> {
             },
         )?;
         tell_of_limit(self.settings, &solved.outcome);
+        if solved.gave_up_near {
+            let text = "rows over slices brought the exact gradient no nearer any more, so exact rows were iterated with";
+            Warning::new("slices-given-up", text, "take solve.strategy=auto where rows fit the memory")
+                .tell();
+        }
         let out_of_reach = OutOfReach::new(self.problem, operator, self.settings, &solved.x)?;
         // Whatever is missing where a solve has ended at the noise is noise.
         if solved.outcome.stop.reason != StopReason::HeldOut {

@@ -156,6 +156,7 @@ pub fn minimize<'a, 'b, O: TransportOperator + 'a>(
         weights: system.absolute_weights(),
         relative_weights: system.relative_weights(),
         set_up_applications: system.applications(),
+        gave_up_near: correction.is_some_and(Correction::is_exact),
     })
 }
 

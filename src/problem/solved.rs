@@ -17,6 +17,8 @@ pub struct Solved {
     pub relative_weights: RegularizationWeights,
     /// Applications of the transport before the first iteration: the metric, the choice of λ.
     pub set_up_applications: usize,
+    /// Whether an operator stood for T, and was given up because its corrections brought no more.
+    pub gave_up_near: bool,
 }
 
 /// The first element that is not a number.

@@ -50,7 +50,7 @@ impl<'a, O: LinearOperator> Correction<'a, O> {
     }
 
     /// Whether Â is iterated with.
-    pub(super) fn is_exact(&self) -> bool {
+    pub fn is_exact(&self) -> bool {
         self.is_exact.get()
     }
 

@@ -180,6 +180,8 @@ fn corrected_solves_end_where_exact_rows_do() {
             solved.outcome.true_normal_residual
         );
         assert!(solved.outcome.true_normal_residual.iter().all(|&it| it <= 1e-2));
+        // Few strokes on a small map: slices meet other texels than the exact rows.
+        assert_eq!(solved.gave_up_near, name == "forest", "{name}");
         let coverage = solving.exact.squares(&solving.problem.weights()).unwrap();
         let begin = unscatter::problem::Begin::At(&solved.x);
         let again =
