@@ -20,8 +20,8 @@ mod volume;
 use rayon::prelude::*;
 
 pub use epipolar::{
-    EpipolarSettings, EpipolarTraversal, Fan, FanRay, Fans, MOST_COEFFICIENTS, MOST_SAMPLES, MinMaxTree,
-    PrefilterWeighting, Prefiltered, SlicedRays,
+    Edges, EpipolarSettings, EpipolarTraversal, Fan, FanRay, Fans, MOST_COEFFICIENTS, MOST_SAMPLES,
+    MinMaxTree, PrefilterWeighting, Prefiltered, SlicedRays, Spacing,
 };
 pub use exponential::{SERIES_0, SERIES_2};
 pub use further_weights::{FurtherWeights, Reflected};

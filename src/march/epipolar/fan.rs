@@ -6,6 +6,7 @@ use glam::DVec2;
 
 use super::super::Real;
 use super::super::visibility::clip;
+use super::edges::Edges;
 use super::expansion::Expansion;
 use super::sliced_rays::{EpipolarSettings, SlicedRays};
 use super::slices::PolarRay;
@@ -20,7 +21,7 @@ pub const MOST_SAMPLES: usize = 1 << 15;
 
 /// The rays of one slice, sorted, over its samples.
 ///
-/// Sample j is [first + j·step, first + (j + 1)·step] in the distance ξ from the line of the light through the eye. It is lit for the
+/// Samples lie side by side in the distance ξ from the line of the light through the eye. One is lit for the
 /// rays with κ ≤ c_j, as its centre is. Rays are sorted by falling κ and samples by falling c, so the samples that light a ray are a prefix
 /// of the one list, and those before its end a prefix in ξ.
 #[derive(Debug, Clone)]
@@ -29,10 +30,8 @@ pub struct Fan {
     pub eye: DVec2,
     /// The direction of growing ξ there.
     pub direction: DVec2,
-    /// ξ at which samples begin, in metres.
-    pub first: f64,
-    /// Width of a sample in metres.
-    pub step: f64,
+    /// Where its samples lie.
+    pub edges: Edges,
     /// c of each sample.
     pub slopes: Vec<f32>,
     /// The samples that light any ray, or in which one ends, in order; what follows counts these alone.
@@ -131,26 +130,25 @@ impl Fan {
         let direction = DVec2::from_angle(0.5 * (low + high));
         let first_ray = &of.rays[polar[0].row as usize];
         let eye = DVec2::new(first_ray.origin.x, first_ray.origin.y);
-        let [first, last] = clipped(eye, direction, of.region, end).unwrap_or([0.0; 2]);
+        let range = clipped(eye, direction, of.region, end).unwrap_or([0.0; 2]);
+        let length = range[1] - range[0];
         let most = settings.samples.min(MOST_SAMPLES);
-        let samples =
-            ((settings.density * (last - first) / of.pitch).ceil().max(LEAST_SAMPLES) as usize).min(most);
-        let step = (last - first) / samples as f64;
-        let samples = if step > 0.0 { samples } else { 0 };
+        let samples = ((settings.density * length / of.pitch).ceil().max(LEAST_SAMPLES) as usize).min(most);
+        let samples = if length > 0.0 { samples } else { 0 };
+        let edges = Edges::new(range, samples, settings.spacing);
         let map = of.shadow_maps[(of.of_row)(polar[0].row as usize)];
         let height = first_ray.origin.z;
         let slope = |j: usize| {
-            let xi = first + (j as f64 + 0.5) * step;
+            let xi = edges.middle(j);
             ((depth_at(map, eye + xi * direction) - height) / xi) as f32
         };
         let slopes: Vec<f32> = (0..samples).map(slope).collect();
         let sigma = of.sigma_t.iter().copied().fold(0.0, f64::max);
-        let expansion = Expansion::new(q, sigma * last, settings.tolerance);
+        let expansion = Expansion::new(q, sigma * range[1], settings.tolerance);
         let mut fan = Self {
             eye,
             direction,
-            first,
-            step,
+            edges,
             slopes,
             needed: Vec::new(),
             order: Vec::new(),
@@ -195,7 +193,7 @@ impl Fan {
 
     fn ray(&self, of: &SlicedRays, polar: &PolarRay) -> FanRay {
         let &PolarRay { row, kappa, q, end, .. } = polar;
-        let passed = ((f64::from(end) - self.first) / self.step).max(0.0);
+        let passed = self.edges.place(f64::from(end)).max(0.0);
         let whole = if self.slopes.is_empty() { 0 } else { (passed as usize).min(self.slopes.len()) };
         let tail = match self.slopes.get(whole) {
             Some(&slope) => self.tail(of.sigma_t, polar, whole, slope),
@@ -208,9 +206,9 @@ impl Fan {
 
     /// The weight of the part of a sample up to the end of a ray, cut where it crosses the depth of the sample.
     fn tail(&self, sigma_t: [f64; 3], polar: &PolarRay, whole: usize, slope: f32) -> [f32; 3] {
-        let begin = self.first + whole as f64 * self.step;
+        let begin = self.edges.edge(whole);
         let (q, kappa, end) = (f64::from(polar.q), f64::from(polar.kappa), f64::from(polar.end));
-        let depth = f64::from(slope) * (begin + 0.5 * self.step);
+        let depth = f64::from(slope) * self.edges.middle(whole);
         let crossing = if kappa == 0.0 { f64::INFINITY } else { depth / kappa };
         // Lit where κ ξ ≤ depth.
         let [from, to] = match kappa > 0.0 {
@@ -235,9 +233,18 @@ impl Fan {
         let of = |value: &dyn Fn(f64, f64) -> f64| -> [[f64; 3]; M] {
             std::array::from_fn(|m| sigma_t.map(|sigma| value(sigma, nodes[m])))
         };
-        let ratios = of(&|sigma, q| (-sigma * q * self.step).exp());
-        let mut weights =
-            of(&|sigma, q| (-sigma * q * self.first).exp() * -(-sigma * q * self.step).exp_m1());
+        let between =
+            |a: f64, b: f64| of(&|sigma, q| (-sigma * q * a).exp() * -(-sigma * q * (b - a)).exp_m1());
+        let Some(step) = self.edges.step() else {
+            for (number, &sample) in self.needed.iter().enumerate() {
+                let [a, b] = [0, 1].map(|next| self.edges.edge(usize::from(sample) + next));
+                visit(number, &between(a, b));
+            }
+            return;
+        };
+        // From one even sample to the next all weights fall by the same part.
+        let ratios = of(&|sigma, q| (-sigma * q * step).exp());
+        let mut weights = between(self.edges.first, self.edges.first + step);
         let mut at = 0;
         for (number, &sample) in self.needed.iter().enumerate() {
             for _ in at..sample {
@@ -371,7 +378,7 @@ impl Fan {
     /// ξ in the middle of a sample, in metres.
     #[inline(always)]
     pub fn middle(&self, sample: usize) -> f64 {
-        self.first + (sample as f64 + 0.5) * self.step
+        self.edges.middle(sample)
     }
 
     /// From which ξ to which its samples are in a part of the light's plane.
@@ -394,18 +401,22 @@ impl Fan {
     /// ξ where a sample begins, in metres.
     #[inline(always)]
     pub fn edge(&self, sample: usize) -> f64 {
-        self.first + sample as f64 * self.step
+        self.edges.edge(sample)
     }
 
     /// The number of samples that begin before a ξ.
     pub(super) fn samples_before(&self, xi: f64) -> usize {
-        let passed = (xi - self.first) / self.step;
-        if passed > 0.0 { (passed.ceil() as usize).min(self.slopes.len()) } else { 0 }
+        let passed = self.edges.place(xi).ceil() as usize;
+        if xi > self.edges.first {
+            passed.clamp(1, self.slopes.len().max(1)).min(self.slopes.len())
+        } else {
+            0
+        }
     }
 
     /// ξ behind its last sample, in metres.
     pub fn last(&self) -> f64 {
-        self.first + self.slopes.len() as f64 * self.step
+        self.edges.last
     }
 }
 

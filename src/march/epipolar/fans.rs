@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::super::{Real, ViewRay};
+use super::edges::Spacing;
 use super::fan::{Fan, FanRay, FanRays, Sweep};
 use super::sliced_rays::{EpipolarSettings, SlicedRays};
 use super::slices::{PolarRay, Slices};
@@ -21,11 +22,14 @@ impl Fans {
     pub fn new(of: &SlicedRays, settings: EpipolarSettings) -> Self {
         let (groups, polar) = polar_rays(of);
         let slices = Slices::new(&polar, groups, of.angle, settings.slices);
+        let even = all_around(&polar, groups);
         let (polar, begins) = in_order(&polar, &slices, settings.between);
         let mut rays = vec![FanRay::default(); polar.len()];
         let parts = parted(&mut rays, &begins).into_par_iter().zip(&begins[..begins.len() - 1]);
         let fan = |(rays, &begin): (&mut [FanRay], &usize)| {
-            Fan::new(of, settings, &polar[begin..begin + rays.len()], (begin, rays))
+            let polar = &polar[begin..begin + rays.len()];
+            let spacing = if even[polar[0].group()] { Spacing::Even } else { settings.spacing };
+            Fan::new(of, EpipolarSettings { spacing, ..settings }, polar, (begin, rays))
         };
         let fans = parts.filter(|(rays, _)| !rays.is_empty()).map(fan).collect();
         Self { fans, rays, rows: of.rays.len(), sigma_t: of.sigma_t }
@@ -109,7 +113,7 @@ impl Fans {
     /// Adds what all rays show of light before the first sample of their fan and behind the last one.
     pub fn add_beside(&self, light: [f32; 3], shown: &mut [[f32; 4]]) {
         self.with_parts(shown).into_par_iter().for_each(|(fan, shown)| {
-            let [first, last] = [fan.first, fan.last()];
+            let [first, last] = [fan.edges.first, fan.last()];
             for (ray, shown) in self.rays_of(fan).iter().zip(shown) {
                 let end = f64::from(ray.end);
                 let before = ray.extinguished(self.sigma_t, 0.0, first.min(end));
@@ -152,6 +156,25 @@ fn polar_rays(of: &SlicedRays) -> (usize, Vec<PolarRay>) {
     }
     let ray = |(row, ray): (usize, &ViewRay)| PolarRay::new(row, ray, ray.length.min(of.reach), of_rows[row]);
     (groups.len(), of.rays.par_iter().enumerate().filter_map(ray).collect())
+}
+
+/// Which groups have rays in directions about the light that no half-plane beside it holds: then the light's direction or its opposite is among them.
+fn all_around(rays: &[PolarRay], groups: usize) -> Vec<bool> {
+    const DEGREES: usize = 360;
+    let mut met = vec![[false; DEGREES]; groups];
+    for ray in rays {
+        met[ray.group()][(ray.phi.to_degrees() + 180.0) as usize % DEGREES] = true;
+    }
+    let is_around = |met: &[bool; DEGREES]| {
+        let mut gap = 0;
+        // Twice, because a gap may lie across the end.
+        let longest = (0..2 * DEGREES).map(|degree| {
+            gap = if met[degree % DEGREES] { 0 } else { gap + 1 };
+            gap
+        });
+        longest.max().unwrap_or(0) <= DEGREES / 2
+    };
+    met.iter().map(is_around).collect()
 }
 
 /// Rays slice by slice, and where those of each slice begin, with the end of the last.

@@ -16,6 +16,7 @@
 //! What is approximate: a ray takes the slice that is nearest to it, at most half a pixel away; shadow and light are sampled in the middle
 //! of samples; and the expansion is cut at a tolerance. Min-max trees (Chen et al. 2011) and prefilters (Klehm et al. 2014) work on the same slices.
 
+mod edges;
 mod expansion;
 mod fan;
 mod fans;
@@ -32,6 +33,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+pub use edges::{Edges, Spacing};
 pub use fan::{Fan, FanRay, MOST_SAMPLES};
 pub use fans::Fans;
 pub use min_max::MinMaxTree;
@@ -363,7 +365,7 @@ fn near(fan: &Fan, light_map: &Grid, rows: &Range<usize>) -> Range<usize> {
     if slope.abs() < 1e-12 {
         return if (reach[0]..=reach[1]).contains(&begin) { 0..fan.needed().len() } else { 0..0 };
     }
-    let place = |row: f64| ((row - begin) / slope - fan.first) / fan.step;
+    let place = |row: f64| fan.edges.place((row - begin) / slope);
     let [a, b] = reach.map(place);
     let [a, b] =
         [a.min(b).floor() - 1.0, a.max(b).ceil() + 1.0].map(|j| j.clamp(0.0, samples as f64) as usize);

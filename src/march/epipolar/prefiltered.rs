@@ -122,7 +122,7 @@ impl<'a> Prefiltered<'a> {
 
     /// Σ w up to a ξ: what the reference ray loses of 1 from the first edge on, over its rate.
     fn total(&self, color: usize, xi: f64) -> f64 {
-        let (rate, way) = (self.rates[color], xi - self.fan.first);
+        let (rate, way) = (self.rates[color], xi - self.fan.edges.first);
         if rate > 0.0 { -(-rate * way).exp_m1() / rate } else { way }
     }
 
@@ -141,7 +141,7 @@ impl<'a> Prefiltered<'a> {
         for (pair, amplitude) in coefficients.as_chunks_mut::<2>().0.iter_mut().zip(&self.amplitudes) {
             *pair = [amplitude * pair[1], -amplitude * pair[0]];
         }
-        let whole = ray.extinguished(self.sigma_t, self.fan.first, end);
+        let whole = ray.extinguished(self.sigma_t, self.fan.edges.first, end);
         let visible = |color: usize| self.visible(color, (samples, end), coefficients);
         match self.rates.len() {
             1 => {

@@ -1,6 +1,7 @@
 //! What is put into slices, and how finely.
 
 use super::super::ViewRay;
+use super::edges::Spacing;
 use crate::scene::Extent;
 use crate::visibility::ShadowMap;
 
@@ -15,6 +16,8 @@ pub struct EpipolarSettings {
     pub samples: usize,
     /// Largest error of the expansion of transmittance.
     pub tolerance: f64,
+    /// How samples are spread over a slice.
+    pub spacing: Spacing,
     /// Whether a ray is between the two slices beside it, and not in the nearest one alone.
     pub between: bool,
 }
@@ -22,13 +25,26 @@ pub struct EpipolarSettings {
 impl EpipolarSettings {
     /// For rows that exact ones correct. Two slices a pixel, because texels that slices miss and exact rays meet are what corrections
     /// converge slowly in.
-    pub const CORRECTED: Self =
-        Self { slices: 2.0, density: 1.0, samples: 8192, tolerance: 1e-4, between: false };
+    pub const CORRECTED: Self = Self {
+        slices: 2.0,
+        density: 1.0,
+        samples: 8192,
+        tolerance: 1e-4,
+        between: false,
+        spacing: Spacing::Even,
+    };
 }
 
 impl Default for EpipolarSettings {
     fn default() -> Self {
-        Self { slices: 1.0, density: 1.0, samples: 1024, tolerance: 2e-7, between: false }
+        Self {
+            slices: 1.0,
+            density: 1.0,
+            samples: 1024,
+            tolerance: 2e-7,
+            between: false,
+            spacing: Spacing::Even,
+        }
     }
 }
 

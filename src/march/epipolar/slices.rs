@@ -58,6 +58,11 @@ impl PolarRay {
         })
     }
 
+    /// The number of its eye and shadow map.
+    pub(super) fn group(&self) -> usize {
+        (self.bundle / (2 * BANDS)) as usize
+    }
+
     fn bin(&self) -> (usize, f32) {
         let at = (0.5 + 0.5 * self.phi / PI as f32).clamp(0.0, 1.0) * BINS as f32;
         let bin = (at as usize).min(BINS - 1);

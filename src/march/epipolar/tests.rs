@@ -113,7 +113,7 @@ fn error_of_sweep(setting: &Setting, settings: EpipolarSettings) -> f64 {
                 let sigma = setting.sigma_t[c];
                 let mut sum = 0.0;
                 for (j, &slope) in fan.slopes.iter().enumerate() {
-                    let (a, mut b) = (fan.first + j as f64 * fan.step, fan.first + (j + 1) as f64 * fan.step);
+                    let (a, mut b) = (fan.edge(j), fan.edge(j + 1));
                     let mut a = a;
                     let end = f64::from(ray.end);
                     if a >= end {
@@ -154,6 +154,8 @@ fn rays_show_the_samples_that_are_lit() {
     for (number, setting) in settings().iter().enumerate() {
         let error = error_of_sweep(setting, of);
         assert!(error < 1e-6, "setting {number}: {error:.1e}");
+        let projective = error_of_sweep(setting, EpipolarSettings { spacing: Spacing::Projective, ..of });
+        assert!(projective < 1e-6, "setting {number}: {projective:.1e} in a projective map");
         let coarse = error_of_sweep(setting, EpipolarSettings { tolerance: 1e-3, ..of });
         assert!(coarse > error, "setting {number}: {coarse:.1e} with a coarse expansion");
     }
@@ -196,6 +198,7 @@ fn walks_gathers_and_scatters_are_one_matrix() {
         let sliced = setting.sliced(EpipolarSettings {
             density: 1.7,
             between: number % 2 == 0,
+            spacing: if number % 3 == 0 { Spacing::Projective } else { Spacing::Even },
             ..EpipolarSettings::default()
         });
         let x = texels(sliced.light_map.len());
@@ -276,7 +279,7 @@ fn slices_converge_to_the_exact_rows() {
                     density,
                     samples: MOST_SAMPLES,
                     tolerance: 1e-7,
-                    between: false,
+                    ..EpipolarSettings::default()
                 },
             )
         });
@@ -307,6 +310,38 @@ fn rays_between_two_slices_are_nearer() {
     assert!(shares.iter().all(|share| (share - 1.0).abs() < 1e-6));
 }
 
+/// Columns of a projective map are narrow near the eye. There is none where the light comes from within the picture, and samples are even.
+#[test]
+fn projective_maps_are_made_where_they_can_be() {
+    let projective = EpipolarSettings {
+        spacing: Spacing::Projective,
+        density: 8.0,
+        samples: MOST_SAMPLES,
+        ..EpipolarSettings::default()
+    };
+    let mut projected = 0;
+    for (number, setting) in settings().iter().enumerate() {
+        let sliced = setting.sliced(projective);
+        let widest = |fan: &Fan| {
+            let last = fan.slopes.len() - 1;
+            (fan.edge(last + 1) - fan.edge(last)) / (fan.edge(2) - fan.edge(1))
+        };
+        let with_samples = sliced.fans().fans().iter().filter(|fan| fan.slopes.len() > 2);
+        let is_projected = with_samples.map(widest).all(|widest| widest > 1.0 + 1e-9);
+        let light = DVec3::from(setting.light);
+        let in_picture = [light, -light].into_iter().any(|towards| {
+            let at = setting.camera.project(setting.camera.position() + towards);
+            at.is_some_and(|at| at.x >= 0.0 && at.y >= 0.0 && at.x <= 48.0 && at.y <= 32.0)
+        });
+        assert_eq!(is_projected, !in_picture, "setting {number}");
+        projected += usize::from(is_projected);
+        let errors = [8.0, 32.0]
+            .map(|density| error(setting, EpipolarSettings { density, slices: 4.0, ..projective }));
+        assert!(errors[1] < 1.01 * errors[0] && errors[1] < 0.05, "setting {number}: {errors:?}");
+    }
+    assert!((1..settings().len()).contains(&projected), "{projected}");
+}
+
 #[test]
 fn rays_along_the_light_are_seen() {
     let eye = DVec3::new(0.4, 0.0, 0.3);
@@ -318,7 +353,7 @@ fn rays_along_the_light_are_seen() {
         density: 4.0,
         samples: MOST_SAMPLES,
         tolerance: 1e-7,
-        between: false,
+        ..EpipolarSettings::default()
     };
     assert!(error(&setting, fine) < 0.02, "{:.1e}", error(&setting, fine));
     let nothing = EpipolarTraversal::new(&setting.rows().picked(&[]), &|_| 1e-3, fine).unwrap();
