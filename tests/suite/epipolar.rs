@@ -119,6 +119,8 @@ fn what_slices_cannot_show_is_refused() {
         let refused = drawn(&glass, by(method), false).unwrap_err().to_string();
         assert!(refused.contains("panes") && refused.contains("method exact"), "{method}: {refused}");
     }
+    let reduced = Drawing { method: DrawingMethod::Exact, reduced: 2 };
+    assert!(drawn(&glass, reduced, false).unwrap_err().to_string().contains("panes"));
     let sliced = LightMapProblem::new(&glass).unwrap().sliced(EpipolarSettings::default());
     let refused = sliced.unwrap().err().unwrap().to_string();
     assert!(refused.contains("pane") && refused.contains("solve.strategy"), "{refused}");

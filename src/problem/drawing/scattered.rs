@@ -83,9 +83,9 @@ enum Prepared<'a> {
 impl<'a> Prepared<'a> {
     /// Errors: [`Error::Empty`] for panes.
     fn new(method: DrawingMethod, light: SunLight, of: &'a PictureRays<'a>) -> Result<Self> {
-        if method != DrawingMethod::Exact && light.maps.geometry.has_panes() {
-            let reason = format!("`{method}` knows light and shadow alone, and the scene has panes");
-            return Err(Error::Empty { reason, remedy: "draw with method exact" });
+        if light.maps.geometry.has_panes() {
+            let reason = format!("`{method}` knows light and shadow alone here, and the scene has panes");
+            return Err(Error::Empty { reason, remedy: "draw with method exact, and every pixel" });
         }
         Ok(match method {
             DrawingMethod::Exact => Self::Exact(own_rows(light, of.rays)),
