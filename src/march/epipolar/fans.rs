@@ -22,7 +22,10 @@ impl Fans {
     pub fn new(of: &SlicedRays, settings: EpipolarSettings) -> Self {
         let (groups, polar) = polar_rays(of);
         let slices = Slices::new(&polar, groups, of.angle, settings.slices);
-        let even = all_around(&polar, groups);
+        let even = match settings.spacing {
+            Spacing::Even => vec![true; groups],
+            Spacing::Projective => all_around(&polar, groups),
+        };
         let (polar, begins) = in_order(&polar, &slices, settings.between);
         let mut rays = vec![FanRay::default(); polar.len()];
         let parts = parted(&mut rays, &begins).into_par_iter().zip(&begins[..begins.len() - 1]);
