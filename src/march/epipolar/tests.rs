@@ -328,7 +328,7 @@ fn projective_maps_are_made_where_they_can_be() {
         };
         let with_samples = sliced.fans().fans().iter().filter(|fan| fan.slopes.len() > 2);
         let is_projected = with_samples.map(widest).all(|widest| widest > 1.0 + 1e-9);
-        let light = DVec3::from(setting.light);
+        let light = setting.light;
         let in_picture = [light, -light].into_iter().any(|towards| {
             let at = setting.camera.project(setting.camera.position() + towards);
             at.is_some_and(|at| at.x >= 0.0 && at.y >= 0.0 && at.x <= 48.0 && at.y <= 32.0)
