@@ -382,7 +382,7 @@ fn refuse(rows: &LightMapTraversal) -> Result<()> {
     let maps = rows.suns().into_iter().flat_map(|suns| &suns.shadow_maps);
     let through_panes = maps.chain([&rows.transport().shadow_map]).any(|map| map.behind().is_some());
     let reason = if sees_panes || through_panes {
-        "what is lit through a pane is no prefix of a slice"
+        "rows over slices know light and shadow alone, and light passes panes here (glass, or leaves that let light through)"
     } else if rows.further_weights().is_some() {
         "slices have texels alone, and `surroundings` are looked for, too"
     } else if rows.transport().quadrature != crate::scene::Quadrature::Exact {

@@ -84,7 +84,9 @@ impl<'a> Prepared<'a> {
     /// Errors: [`Error::Empty`] for panes.
     fn new(method: DrawingMethod, light: SunLight, of: &'a PictureRays<'a>) -> Result<Self> {
         if light.maps.geometry.has_panes() {
-            let reason = format!("`{method}` knows light and shadow alone here, and the scene has panes");
+            let reason = format!(
+                "`{method}` knows light and shadow alone here, and the scene has panes (glass, or leaves that let light through)"
+            );
             return Err(Error::Empty { reason, remedy: "draw with method exact, and every pixel" });
         }
         Ok(match method {
