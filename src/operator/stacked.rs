@@ -73,11 +73,11 @@ impl<V: Vector, R: Vector> LinearOperator for Stacked<'_, V, R> {
     type Range = Blocks<R, V>;
 
     fn domain(&self) -> V {
-        super::lock(&self.scratch).zeros_like()
+        self.under(&*self.upper).domain()
     }
 
     fn range(&self) -> Blocks<R, V> {
-        Blocks::new(self.upper.range(), self.lower.iter().map(|block| block.range()).collect())
+        self.under(&*self.upper).range()
     }
 
     fn apply(&self, x: &V, y: &mut Blocks<R, V>) -> Result<()> {
