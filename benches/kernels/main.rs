@@ -7,7 +7,7 @@
 //!     UNSCATTER_JSON=FILE                                      every figure as a line of JSON, too
 //!
 //! Seconds are the adapter's own where it has timestamps, and the clock's for iterations, overhead, and where something is read back (`largest_step`,
-//! `surfaces`). Bytes are what must at least be moved: kept rows 8 bytes a non-zero, walked ones 160 bytes a ray, tiles their matrices, each
+//! `surfaces`). Bytes are what must at least be moved: kept rows 8 bytes a non-zero, walked ones 160 bytes a ray, slices what they take, tiles their matrices, each
 //! vector and index read and written once; an iteration two products, and each vector of the method. Shares are of the bytes a
 //! second that multiplying long vectors moves.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a bench that cannot go on should stop")]
@@ -72,6 +72,7 @@ fn main() {
     overhead::bench(&mut rates, both);
     vectors::bench(&mut rates, gpu, elements);
     rows::light_map(&mut rates, &format!("light map, {size}"), both, &field);
+    rows::slices(&mut rates, &format!("light map, {size}"), gpu, &field);
     rows::fixed_point(&mut rates, gpu, &field);
     fista::bench(&mut rates, &format!("light map, {size}"), gpu, &field);
     rows::volumes(&mut rates, gpu, shrunk);

@@ -3,7 +3,9 @@
 use std::cell::LazyCell;
 
 use unscatter::gpu::Gpu;
-use unscatter::problem::{Canvas, LightMapProblem, Model, Renderer, VolumeRenderer, VolumeState};
+use unscatter::problem::{
+    Canvas, Drawing, DrawingMethod, LightMapProblem, Model, Renderer, VolumeRenderer, VolumeState,
+};
 use unscatter::scene::{Environment, Interpolation, Rgb};
 
 use crate::rates::{Rates, Work, by_the_clock};
@@ -27,6 +29,22 @@ pub fn bench(rates: &mut Rates, gpu: &Gpu, shrunk: usize) {
             let work = Work { rays: (width * height) as u64, ..Work::default() };
             (work, by_the_clock(move || renderer.picture(0, canvas).unwrap()))
         });
+    }
+    for (name, method) in [
+        ("march", DrawingMethod::March { steps: 64 }),
+        ("prefilter_sums and prefilter_shown", DrawingMethod::Prefiltered { coefficients: 32 }),
+        ("sweep_gather and sweep_shown", DrawingMethod::Epipolar { samples: 1024 }),
+    ] {
+        for (by, canvas) in &ways {
+            rates.bench("pictures", &format!("{name}: {by}"), || {
+                let (scene, problem, light) = &*shafts;
+                let renderer = Renderer::new(scene, &problem.maps, Some(light)).unwrap();
+                let renderer = renderer.drawing(Drawing { method, reduced: 1 });
+                let [width, height] = scene.views[0].camera.size();
+                let work = Work { rays: (width * height) as u64, ..Work::default() };
+                (work, by_the_clock(move || renderer.picture(0, canvas).unwrap()))
+            });
+        }
     }
     for (name, basis) in [("nearest", Interpolation::Nearest), ("trilinear", Interpolation::Trilinear)] {
         let cloud = LazyCell::new(|| {

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use unscatter::Result;
-use unscatter::gpu::{DeviceOperator, Gpu, GpuVector, Kept, Walked};
-use unscatter::march::{LightMapTraversal, Traversal, ViewRay};
+use unscatter::gpu::{DeviceOperator, Gpu, GpuVector, Kept, Walked, swept};
+use unscatter::march::{EpipolarSettings, EpipolarTraversal, LightMapTraversal, Traversal, ViewRay};
 use unscatter::operator::{Blocks, Identity, LinearOperator, Stacked, Vector, WalkPlan};
 use unscatter::problem::VolumeRows;
 use unscatter::scene::{Find, Interpolation};
@@ -51,6 +51,32 @@ pub fn light_map(rates: &mut Rates, group: &str, [gpu, chosen]: &[Gpu; 2], field
     products(rates, group, ("walked, near sums", sums), chosen, &beside, &work);
     products(rates, group, ("walked, fixed point", sums), gpu, &fixed, &work);
     iteration(rates, group, "walked", gpu, &alone, &work);
+}
+
+/// Rows over slices.
+pub fn slices(rates: &mut Rates, group: &str, gpu: &Gpu, field: &Field) {
+    let swept = LazyCell::new(|| {
+        let exact = field.traversal();
+        // Of a picture with as many pixels.
+        let angle = 1.0 / (exact.rays().len() as f64).sqrt();
+        let rows = EpipolarTraversal::new(&exact, &|_| angle, EpipolarSettings::CORRECTED).unwrap();
+        (swept(gpu, &rows, true).unwrap(), rows.bytes())
+    });
+    let products: [(&str, Product); 2] = [
+        ("over slices: sweep_gather and sweep_shown", |operator, x, y| operator.apply(x, y)),
+        ("over slices: sweep_scatter and sweep_spread", |operator, x, y| operator.apply_adjoint(y, x)),
+    ];
+    for (name, apply) in products {
+        rates.bench(group, name, || {
+            let (operator, bytes) = &*swept;
+            let (mut x, mut y) = (operator.domain(), operator.range());
+            x.fill([1.0, 0.5, 0.25]);
+            y.fill([1.0, 0.5, 0.25]);
+            let bytes = bytes + COLOR * (x.len() + y.len()) as u64;
+            let work = Work { rays: field.painted as u64, bytes, ..Work::default() };
+            (work, on_adapter(gpu, move || apply(&**operator, &mut x, &mut y)))
+        });
+    }
 }
 
 /// Emission of a volume, as far as it is walked or kept.

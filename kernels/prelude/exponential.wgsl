@@ -1,14 +1,6 @@
 // Closed forms of ∫₀¹ s e^{−su} uᵏ du that keep their digits in thin and thick media; twin of src/march/exponential.rs.
 // Error  relative 2e-6, held by a test against the twin in f64
 
-// 1 − e^{−s}
-fn extinguished(s: f32) -> f32 {
-    if s >= 0.5 {
-        return 1.0 - exp(-s);
-    }
-    return series_0(s);
-}
-
 // The mean of a cubic over what is extinguished over optical depth s, by two of its values: where in [0, 1] they are, and the weight of
 // the first. From mean, variance and third cumulant of that distribution, each minus the derivative of the one before; twin of gauss_2.
 fn gauss_2(s: f32) -> vec3<f32> {

@@ -1,16 +1,16 @@
 //! What an adapter is asked before anything is believed of it: sums and products of integers, which f32 holds exactly, and the two
-//! traversals over small scenes against the same walks on the processor in f64.
+//! traversals and slices over small scenes against the same walks on the processor in f64.
 
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec2, DVec3};
 
 use super::device::{AdapterRecord, Choice, Gpu, Tactics};
-use super::operators::{Kept, TileMetric, Walked};
+use super::operators::{DeviceOperator, Kept, TileMetric, Walked, swept};
 use super::vectors::GpuVector;
 use crate::march::{
-    Density, LightMapTransport, LightMapTraversal, PixelRays, Quantity, Traversal, ViewRay, VolumeTransport,
-    VolumeTraversal, VoxelElements,
+    Density, EpipolarSettings, EpipolarTraversal, LightMapTransport, LightMapTraversal, PixelRays, Quantity,
+    Traversal, ViewRay, VolumeTransport, VolumeTraversal, VoxelElements,
 };
 use crate::operator::{Bounds, LinearOperator, Metric, RowTable, Vector};
 use crate::scene::{
@@ -25,7 +25,7 @@ const ELEMENTS: usize = 10_007;
 const WALKED: f64 = 1e-5;
 
 /// Lets an adapter compute what is known: vectors, kept rows of every way of sharing them, tiles, and the traversals of light maps and
-/// volumes in f32 and in fixed point, by the tactics for hardware and by those for software.
+/// volumes in f32 and in fixed point, slices, by the tactics for hardware and by those for software.
 ///
 /// Errors: [`Error::Adapter`] when it computes something else, or cannot.
 pub fn known_answers(record: &AdapterRecord) -> Result<()> {
@@ -149,7 +149,11 @@ fn light_map(gpu: &Gpu) -> Result<()> {
         scattering: [0.05; 3],
     };
     let traversal = LightMapTraversal::new(transport, (0..300).map(ray).collect());
-    walked(gpu, &traversal, |deterministic| Walked::light_map(gpu, &traversal, false, deterministic))
+    walked(gpu, &traversal, |deterministic| {
+        Ok(Box::new(Walked::light_map(gpu, &traversal, false, deterministic)?))
+    })?;
+    let slices = EpipolarTraversal::new(&traversal, &|_| 0.05, EpipolarSettings::default())?;
+    walked(gpu, &slices, |_| swept(gpu, &slices, true))
 }
 
 /// A camera before a cube of smoke that is interpolated.
@@ -172,14 +176,16 @@ fn volume(gpu: &Gpu) -> Result<()> {
     let voxels = Arc::new(grid.set(|_| true));
     let part = VoxelElements::new(Quantity::Emission, grid, voxels, Interpolation::Trilinear);
     let traversal = VolumeTraversal::new(transport, PixelRays::seen_by_one(camera, pixels), vec![part]);
-    walked(gpu, &traversal, |deterministic| Walked::volume(gpu, &traversal, false, deterministic))
+    walked(gpu, &traversal, |deterministic| {
+        Ok(Box::new(Walked::volume(gpu, &traversal, false, deterministic)?))
+    })
 }
 
 /// Both products of a traversal in f32 and in fixed point, against its own rows in f64.
 fn walked<T: Traversal<f64, 1>>(
     gpu: &Gpu,
     traversal: &T,
-    walk: impl Fn(bool) -> Result<Walked>,
+    walk: impl Fn(bool) -> Result<Box<dyn DeviceOperator>>,
 ) -> Result<()> {
     let wave = |k: usize| [1.0, 2.0, 3.0].map(|phase| 1.0 + (0.37 * k as f64 + phase).sin());
     let x: Vec<_> = (0..traversal.elements()).map(wave).collect();

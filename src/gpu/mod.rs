@@ -18,6 +18,9 @@ pub use device::{
 };
 pub use kernels::{Accumulation, KernelText, kernel_texts};
 pub use known_answers::known_answers;
-pub use operators::{DepthPyramid, DeviceOperator, GpuOperator, Kept, TileMetric, Walked};
+pub use operators::{
+    DepthPyramid, DeviceOperator, GpuOperator, Kept, LightPicture, Marched, MarchedPicture,
+    PrefilteredPicture, SweptPicture, TileMetric, Walked, swept,
+};
 pub use surfaces::surfaces_seen;
 pub use vectors::{DeviceSum, GpuVector, Index};

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 pub use epipolar::{
     Edges, EpipolarSettings, EpipolarTraversal, Fan, FanRay, Fans, MOST_COEFFICIENTS, MOST_SAMPLES,
-    MinMaxTree, PrefilterWeighting, Prefiltered, SlicedRays, Spacing,
+    MinMaxTree, Prefilter, PrefilterLookup, PrefilterWeighting, Prefiltered, SlicedRays, Spacing, harmonics,
 };
 pub use exponential::{SERIES_0, SERIES_2};
 pub use further_weights::{FurtherWeights, Reflected};

@@ -126,7 +126,7 @@ impl<'a> Renderer<'a> {
             }
         }
         if !is_exact {
-            let scattered = self.scattered(camera, &of_picture)?;
+            let scattered = self.scattered(camera, &of_picture, canvas)?;
             pixels.par_iter_mut().zip(scattered).for_each(|([before, after], [plain, change])| {
                 (0..3).for_each(|c| before[c] += plain[c]);
                 (0..3).for_each(|c| after[c] += plain[c] + change[c]);
@@ -153,7 +153,7 @@ impl<'a> Renderer<'a> {
     }
 
     /// What the medium scatters of the sun into a picture before, and what a light map changes of that, drawn in another way.
-    fn scattered(&self, camera: &Camera, rays: &[ViewRay]) -> Result<Vec<[Rgb; 2]>> {
+    fn scattered(&self, camera: &Camera, rays: &[ViewRay], canvas: &Canvas) -> Result<Vec<[Rgb; 2]>> {
         let Self { scene, maps, changed, drawing, .. } = self;
         let change = changed.as_ref().map(|changed| (&changed.difference[..], changed.sun));
         let times = drawing.reduced;
@@ -168,7 +168,7 @@ impl<'a> Renderer<'a> {
             };
             (0..width * height).into_par_iter().map(ray).collect()
         };
-        scattered(*drawing, SunLight { scene, maps, change }, camera, rays, &coarse)
+        scattered((*drawing, canvas), SunLight { scene, maps, change }, camera, rays, &coarse)
     }
 
     /// Before and after of some pixels with such rays and what looks add to these, at whose surfaces such light arrives in the place of the

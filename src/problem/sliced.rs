@@ -1,10 +1,12 @@
 //! Painted pixels over slices: the rows of a light map whose cost does not grow with the map.
 
+#[cfg(feature = "gpu")]
+use super::looked_for::on_gpu;
 use super::looked_for::{Nouns, explicit, row_of};
 use super::{Formulation, Problem, Solved, Unskipped};
 use crate::cpu::HostOperator;
 #[cfg(feature = "gpu")]
-use crate::gpu::{Gpu, GpuOperator};
+use crate::gpu::{Gpu, GpuOperator, swept};
 use crate::march::{EpipolarSettings, EpipolarTraversal};
 use crate::operator::{CpuVector, OnHost, WalkPlan};
 use crate::scene::{Quadrature, Rgb, SolveSettings, Strategy};
@@ -102,12 +104,10 @@ impl Problem for SlicedProblem {
     }
 
     #[cfg(feature = "gpu")]
-    fn on_gpu(&self, gpu: &Gpu, _: Strategy, _: u64, _: bool) -> Result<GpuOperator> {
-        Err(Error::Unsupported {
-            adapter: gpu.record().name.clone(),
-            problem: "has no kernel for rows over slices".to_owned(),
-            remedy: "compute on the processor",
-        })
+    fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, budget: u64, _: bool) -> Result<GpuOperator> {
+        let is_grey = self.is_grey();
+        let swept = || swept(gpu, &self.rows, is_grey);
+        on_gpu(&self.rows, (is_grey, &self.plan), gpu, (kept(strategy), budget), &swept)
     }
 
     fn explicit(&self, most: u64) -> Result<ExplicitMatrix> {

@@ -169,6 +169,123 @@ layouts! {
         pad: u32,
     }
 
+    /// `SweepParams` of kernels/prelude/sweep.wgsl.
+    SweepParams {
+        items: u32,
+        rays: u32,
+        samples: u32,
+        first_sample: u32,
+        channel: u32,
+        channels: u32,
+        x_stride: u32,
+        y_stride: u32,
+    }
+
+    /// `SweepItem` of kernels/prelude/sweep.wgsl.
+    SweepItem {
+        rates: [f32; 3],
+        term: u32,
+        terms: u32,
+        samples: u32,
+        first_sample: u32,
+        lit: u32,
+        first_lit: u32,
+        rays: u32,
+        first_ray: u32,
+        first_coefficient: u32,
+        first_node: u32,
+        pad0: u32,
+        pad1: u32,
+        pad2: u32,
+    }
+
+    /// `SweepRay` of kernels/prelude/sweep.wgsl.
+    SweepRay {
+        scattering: [f32; 3],
+        row: u32,
+        whole: u32,
+        lit: u32,
+        terms: u32,
+        first_coefficient: u32,
+    }
+
+    /// `SweepSample` of kernels/prelude/sweep.wgsl.
+    SweepSample {
+        begin: f32,
+        width: f32,
+        item: u32,
+    }
+
+    /// `PrefilterParams` of kernels/prelude/prefilter.wgsl.
+    PrefilterParams {
+        fans: u32,
+        rays: u32,
+        first_sample: u32,
+        harmonics: u32,
+        channel: u32,
+        channels: u32,
+        x_stride: u32,
+        y_stride: u32,
+    }
+
+    /// `PrefilterFan` of kernels/prelude/prefilter.wgsl.
+    PrefilterFan {
+        rates: [f32; 3],
+        samples: u32,
+        first_sample: u32,
+        first_edge: u32,
+        pad0: u32,
+        pad1: u32,
+    }
+
+    /// `PrefilterSample` of kernels/prelude/prefilter.wgsl.
+    PrefilterSample {
+        begin: f32,
+        width: f32,
+        place: f32,
+    }
+
+    /// `PrefilterRay` of kernels/prelude/prefilter.wgsl.
+    PrefilterRay {
+        gain: [f32; 3],
+        row: u32,
+        far: [f32; 3],
+        edge: u32,
+        place: f32,
+        pad0: u32,
+        pad1: u32,
+        pad2: u32,
+    }
+
+    /// `MarchParams` of kernels/march.wgsl.
+    MarchParams {
+        sigma_t: [f32; 4],
+        shadow_size: [u32; 2],
+        light_size: [u32; 2],
+        rays: u32,
+        first_row: u32,
+        steps: u32,
+        bilinear: u32,
+        channel: u32,
+        channels: u32,
+        x_stride: u32,
+        y_stride: u32,
+    }
+
+    /// `MarchRay` of kernels/march.wgsl.
+    MarchRay {
+        scattering: [f32; 3],
+        step: f32,
+        shadow_at: [f32; 2],
+        shadow_step: [f32; 2],
+        light_at: [f32; 2],
+        light_step: [f32; 2],
+        depth: f32,
+        depth_step: f32,
+        pad0: u32,
+        pad1: u32,
+    }
+
     /// `TilesParams` of kernels/tiles.wgsl.
     TilesParams {
         tiles: u32,

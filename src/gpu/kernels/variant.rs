@@ -37,6 +37,8 @@ pub(in crate::gpu) enum Variant {
         /// Whether a tile is read once, into the memory of its workgroup; a grey one.
         held: bool,
     },
+    /// Of what takes rays or fans lane by lane.
+    Rays,
     /// Of a traversal: how rays are walked, and how deposits are added up where there are any.
     Walk(Walk, Option<Accumulation>),
 }
@@ -62,6 +64,10 @@ pub enum Accumulation {
 
 pub(super) fn plain() -> Vec<Variant> {
     vec![Variant::Plain]
+}
+
+pub(super) fn of_rays() -> Vec<Variant> {
+    vec![Variant::Rays]
 }
 
 /// Whether weights are coloured, and channels at once.
@@ -155,6 +161,7 @@ impl Variant {
         let mut texts = match walk {
             Walk::LightMap(walk) => vec![
                 if walk.colored { prelude!("colored") } else { prelude!("grey") },
+                prelude!("extinguished"),
                 prelude!("exponential"),
                 if walk.bilinear { prelude!("bilinear") } else { prelude!("nearest") },
                 prelude!("visibility"),
@@ -163,6 +170,7 @@ impl Variant {
             ],
             Walk::Volume(walk) => vec![
                 if walk.colored { prelude!("colored") } else { prelude!("grey") },
+                prelude!("extinguished"),
                 prelude!("exponential"),
                 prelude!("volume_track"),
                 prelude!("volume_bricks"),
@@ -179,6 +187,9 @@ impl Variant {
     pub(super) fn constants(self) -> Vec<String> {
         match self {
             Self::Plain => Vec::new(),
+            Self::Rays => {
+                vec![constant("RAYS", "u32", RAYS), series("series_0", &SERIES_0[..SERIES])]
+            }
             Self::Rows { colored, channels, squared, .. } => vec![
                 constant("COLORED", "bool", colored),
                 constant("CHANNELS", "u32", channels),

@@ -21,9 +21,16 @@ const LONG: usize = 512;
 /// Cost    one multiplication a non-zero and channel; bit-identical in every run
 #[derive(Debug)]
 pub struct Kept {
+    by_row: KeptRows,
+    by_column: KeptRows,
+}
+
+/// The rows of a matrix, to gather with.
+#[derive(Debug)]
+pub(super) struct KeptRows {
     gpu: Gpu,
-    by_row: Table,
-    by_column: Table,
+    table: Table,
+    elements: usize,
     nonzeros: usize,
     /// Bound where rows have no pieces.
     unused: GpuVector,
@@ -78,28 +85,8 @@ impl Kept {
     ///
     /// Errors: [`Error::AdapterMemory`](crate::Error::AdapterMemory); [`Error::TooLarge`](crate::Error::TooLarge) for vectors that a kernel cannot see as a whole.
     pub fn new(gpu: &Gpu, rows: RowTable, elements: usize) -> Result<Self> {
-        let longest = elements.max(rows.rows());
-        let by_column = Table::new(gpu, &rows.transposed(elements))?;
-        let by_row = Table::new(gpu, &rows)?;
-        // Elements of a row lie anywhere, so a channel must be visible as a whole.
-        let pieces = [&by_column, &by_row].map(Table::pieces);
-        let bytes = pieces.into_iter().fold(longest, usize::max) * size_of::<f32>();
-        gpu.expect_visible(
-            "a channel of the rows that are kept",
-            bytes as u64,
-            "choose the strategy `matrix-free`",
-        )?;
-        let together = (longest * size_of::<[f32; 4]>()) as u64;
-        let is_together = gpu.tactics().interleaved && together <= gpu.binding_limit();
-        let together = is_together.then(|| gpu.try_allocate("a vector", together)).transpose()?;
-        Ok(Self {
-            nonzeros: rows.elements.len(),
-            by_column,
-            by_row,
-            unused: GpuVector::zeros(gpu, 1),
-            together: Mutex::new(together),
-            gpu: gpu.clone(),
-        })
+        let by_column = KeptRows::new(gpu, &rows.transposed(elements), rows.rows())?;
+        Ok(Self { by_row: KeptRows::new(gpu, &rows, elements)?, by_column })
     }
 
     /// Bytes that the non-zeros of `T` take on a device.
@@ -110,23 +97,61 @@ impl Kept {
 
     /// The number of non-zeros.
     pub fn nonzeros(&self) -> usize {
-        self.nonzeros
+        self.by_row.nonzeros
+    }
+}
+
+impl KeptRows {
+    /// Hands rows over that have so many elements.
+    ///
+    /// Errors: as [`Kept::new`].
+    pub(super) fn new(gpu: &Gpu, rows: &RowTable, elements: usize) -> Result<Self> {
+        let table = Table::new(gpu, rows)?;
+        // Elements of a row lie anywhere, so a channel must be visible as a whole.
+        let bytes = elements.max(rows.rows()).max(table.pieces()) * size_of::<f32>();
+        gpu.expect_visible(
+            "a channel of the rows that are kept",
+            bytes as u64,
+            "choose the strategy `matrix-free`",
+        )?;
+        let together = (elements * size_of::<[f32; 4]>()) as u64;
+        let is_together = gpu.tactics().interleaved && together <= gpu.binding_limit();
+        let together = is_together.then(|| gpu.try_allocate("a vector", together)).transpose()?;
+        Ok(Self {
+            table,
+            elements,
+            nonzeros: rows.elements.len(),
+            unused: GpuVector::zeros(gpu, 1),
+            together: Mutex::new(together),
+            gpu: gpu.clone(),
+        })
     }
 
-    /// y ← the rows of a table times x.
-    fn gather(&self, table: &Table, x: &GpuVector, y: &GpuVector, squared: bool) {
+    /// y ← the rows times x, their weights squared where that is asked for.
+    ///
+    /// Errors: [`Error::Shape`](crate::Error::Shape) when a vector does not fit, and what has gone wrong on the device.
+    pub(super) fn gather(&self, x: &GpuVector, y: &mut GpuVector, squared: bool) -> Result<()> {
+        expect_len("the elements", x, self.elements)?;
+        expect_len("the rows", y, self.table.rows)?;
+        let y = &*y;
         let together = lock(&self.together);
         let together = together.as_ref().filter(|_| x.fits() && y.fits());
         together.iter().for_each(|together| x.interleave(together));
-        let (colored, unused) = (table.colored, &self.unused);
-        let pieces = table.long.as_ref().map_or(unused, |long| &long.pieces);
+        let (colored, unused) = (self.table.colored, &self.unused);
+        let pieces = self.table.long.as_ref().map_or(unused, |long| &long.pieces);
         let gathering = Gathering { x, together, y, pieces, colored, squared };
-        gathering.record(&self.gpu, table.rows, &table.slabs);
-        if let Some(long) = &table.long {
+        gathering.record(&self.gpu, self.table.rows, &self.table.slabs);
+        if let Some(long) = &self.table.long {
             let sums =
                 Gathering { x: pieces, pieces: unused, together: None, colored: false, squared: false, y };
-            sums.record(&self.gpu, table.rows, &long.sums);
+            sums.record(&self.gpu, self.table.rows, &long.sums);
         }
+        self.gpu.check()
+    }
+
+    /// A vector over the rows.
+    pub(super) fn range(&self) -> GpuVector {
+        GpuVector::zeros(&self.gpu, self.table.rows)
     }
 }
 
@@ -282,34 +307,25 @@ impl LinearOperator for Kept {
     type Range = GpuVector;
 
     fn domain(&self) -> GpuVector {
-        GpuVector::zeros(&self.gpu, self.by_column.rows)
+        self.by_column.range()
     }
 
     fn range(&self) -> GpuVector {
-        GpuVector::zeros(&self.gpu, self.by_row.rows)
+        self.by_row.range()
     }
 
     fn apply(&self, x: &GpuVector, y: &mut GpuVector) -> Result<()> {
-        expect_len("x", x, self.by_column.rows)?;
-        expect_len("y", y, self.by_row.rows)?;
-        self.gather(&self.by_row, x, y, false);
-        self.gpu.check()
+        self.by_row.gather(x, y, false)
     }
 
     fn apply_adjoint(&self, y: &GpuVector, x: &mut GpuVector) -> Result<()> {
-        expect_len("x", x, self.by_column.rows)?;
-        expect_len("y", y, self.by_row.rows)?;
-        self.gather(&self.by_column, y, x, false);
-        self.gpu.check()
+        self.by_column.gather(y, x, false)
     }
 }
 
 impl DeviceOperator for Kept {
     fn squares(&self, y: &GpuVector, x: &mut GpuVector) -> Result<bool> {
-        expect_len("x", x, self.by_column.rows)?;
-        expect_len("y", y, self.by_row.rows)?;
-        self.gather(&self.by_column, y, x, true);
-        self.gpu.check()?;
+        self.by_column.gather(y, x, true)?;
         Ok(true)
     }
 
@@ -318,6 +334,7 @@ impl DeviceOperator for Kept {
     }
 
     fn storage(&self) -> Storage {
-        Storage { kept_rows: self.by_row.rows, kept_nonzeros: self.nonzeros as u64, ..Storage::default() }
+        let rows = self.by_row.table.rows;
+        Storage { kept_rows: rows, kept_nonzeros: self.nonzeros() as u64, ..Storage::default() }
     }
 }

@@ -85,6 +85,16 @@ impl FanRay {
     pub fn scattering(&self) -> [f32; 3] {
         self.scattering
     }
+
+    /// The number of needed samples that it passes as a whole.
+    pub fn whole(&self) -> u32 {
+        self.whole
+    }
+
+    /// The needed sample in which it ends, and what it weighs there, a channel.
+    pub fn tail(&self) -> Option<(usize, [f32; 3])> {
+        (self.last != NONE).then_some((self.last as usize, self.tail))
+    }
 }
 
 /// The rays of a fan, by falling κ, and the extinction that all share.
@@ -349,8 +359,7 @@ impl Fan {
 
     /// The weights of the samples that light its ray number `ray`, in their order, and of the sample in which it ends.
     pub(super) fn walk(&self, of: FanRays, ray: usize, mut visit: impl FnMut(usize, [f64; 3])) {
-        let terms = self.expansion.terms();
-        let a = &self.coefficients[ray * terms..][..terms];
+        let (terms, a) = (self.expansion.terms(), self.coefficients(ray));
         let ray = &of.rays[ray];
         let (whole, last) = (ray.whole as usize, ray.last as usize);
         let scattering = ray.scattering.map(f64::from);
@@ -367,6 +376,31 @@ impl Fan {
     /// The samples that light any of its rays, or in which one ends, in order.
     pub fn needed(&self) -> &[u16] {
         &self.needed
+    }
+
+    /// The needed samples that light any ray, by falling c.
+    pub fn order(&self) -> &[u16] {
+        &self.order
+    }
+
+    /// How many of [`Self::order`] light a ray.
+    pub fn lit(&self, ray: &FanRay) -> usize {
+        self.order.partition_point(|&needed| self.slope(needed) >= ray.kappa)
+    }
+
+    /// Of a ray, the number of which counts those of the fan, the factor of each term of the expansion.
+    pub fn coefficients(&self, ray: usize) -> &[f32] {
+        &self.coefficients[ray * self.terms()..][..self.terms()]
+    }
+
+    /// The number of its rays.
+    pub fn ray_count(&self) -> usize {
+        self.rays.len()
+    }
+
+    /// q of each term of the expansion.
+    pub fn nodes(&self) -> &[f64] {
+        self.expansion.nodes()
     }
 
     /// c of a needed sample.

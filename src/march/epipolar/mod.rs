@@ -37,7 +37,9 @@ pub use edges::{Edges, Spacing};
 pub use fan::{Fan, FanRay, MOST_SAMPLES};
 pub use fans::Fans;
 pub use min_max::MinMaxTree;
-pub use prefiltered::{MOST_COEFFICIENTS, PrefilterWeighting, Prefiltered};
+pub use prefiltered::{
+    MOST_COEFFICIENTS, Prefilter, PrefilterLookup, PrefilterWeighting, Prefiltered, harmonics,
+};
 pub use sliced_rays::{EpipolarSettings, SlicedRays};
 
 use super::basis::{Bilinear, NearestTexel, TexelBasis, add};
@@ -166,6 +168,44 @@ impl EpipolarTraversal {
             Basis::Nearest => self.sampled::<X, 1, NearestTexel>(x, fan, inside),
             Basis::Bilinear => self.sampled::<X, 4, Bilinear>(x, fan, inside),
         }
+    }
+
+    /// The texels that light some samples of a fan, with their weights; none beside the light map.
+    pub fn texels_of(
+        &self,
+        fan: &Fan,
+        samples: impl Iterator<Item = usize>,
+        visit: &mut impl FnMut(&[(usize, f64)]),
+    ) {
+        match self.basis {
+            Basis::Nearest => self.texels_in::<1, NearestTexel>(fan, samples, visit),
+            Basis::Bilinear => self.texels_in::<4, Bilinear>(fan, samples, visit),
+        }
+    }
+
+    fn texels_in<const N: usize, B: TexelBasis<f64, 1, N>>(
+        &self,
+        fan: &Fan,
+        samples: impl Iterator<Item = usize>,
+        visit: &mut impl FnMut(&[(usize, f64)]),
+    ) {
+        let [enter, leave] = fan.across(self.light_map.extent).unwrap_or([f64::INFINITY; 2]);
+        let (cells, size) = (self.cells::<1, N, B>(fan), self.light_map.size);
+        for xi in samples.map(|sample| fan.middle(sample)) {
+            if xi < enter || xi > leave {
+                visit(&[]);
+                continue;
+            }
+            let piece = cells.at(xi);
+            let weights = B::sample(&piece, size);
+            let texel = |number: usize| (B::texel(piece.cell, number, size), weights[number]);
+            visit(&std::array::from_fn::<_, N, _>(texel));
+        }
+    }
+
+    /// Whether each row is one ray.
+    pub fn has_one_ray_a_row(&self) -> bool {
+        self.places.iter().all(|[_, second]| *second == NOWHERE)
     }
 
     /// E S x of the rays of all fans.

@@ -27,19 +27,86 @@ pub enum PrefilterWeighting {
     Transmittance,
 }
 
+/// How the visibility of a fan is filtered, whatever the light.
+#[derive(Debug)]
+pub struct Prefilter<'a> {
+    fan: &'a Fan,
+    sigma_t: [f64; 3],
+    /// The least angle of a ray, and how far the others reach.
+    angles: [f64; 2],
+    /// Extinction along the reference ray, a metre of ξ and channel.
+    pub rates: [f64; 3],
+}
+
+/// What a ray reads of sums along the samples of its fan.
+#[derive(Debug, Clone, Copy)]
+pub struct PrefilterLookup {
+    /// The edge at or behind its end, at least the second one.
+    pub edge: usize,
+    /// The part of the sums there, a channel; the rest is that of the edge before.
+    pub far: [f64; 3],
+    /// What the ray loses up to its end, which the filtered visibility is a part of.
+    pub whole: [f64; 3],
+    /// Where its angle is in the half period of the series.
+    pub place: f64,
+}
+
+impl<'a> Prefilter<'a> {
+    /// Of a fan with such rays.
+    pub fn new((fan, rays): (&'a Fan, &[FanRay]), sigma_t: [f64; 3], weighting: PrefilterWeighting) -> Self {
+        let reference = match weighting {
+            PrefilterWeighting::Average => 0.0,
+            PrefilterWeighting::Transmittance => reference_q(rays),
+        };
+        Self { fan, sigma_t, angles: angles_of(rays), rates: sigma_t.map(|sigma| sigma * reference) }
+    }
+
+    /// Where a slope is in the half period of the series, from 0 to 1.
+    pub fn place(&self, slope: f32) -> f64 {
+        let [least, range] = self.angles;
+        let place = ((f64::from(slope).atan() - least) / range).clamp(-GUARD, 1.0 + GUARD);
+        (place + GUARD) / (1.0 + 2.0 * GUARD)
+    }
+
+    /// Σ w up to a ξ: what the reference ray loses of 1 from the first edge on, over its rate.
+    fn total(&self, color: usize, xi: f64) -> f64 {
+        let (rate, way) = (self.rates[color], xi - self.fan.edges.first);
+        if rate > 0.0 { -(-rate * way).exp_m1() / rate } else { way }
+    }
+
+    /// What a ray of the fan reads; none where it passes no sample.
+    pub fn lookup(&self, ray: &FanRay) -> Option<PrefilterLookup> {
+        let end = f64::from(ray.end).min(self.fan.last());
+        let edge = self.fan.samples_before(end);
+        if edge == 0 {
+            return None;
+        }
+        let far = |color: usize| {
+            let [before, after] = [edge - 1, edge].map(|edge| self.total(color, self.fan.edge(edge)));
+            let whole = self.total(color, end);
+            let part =
+                if after > before { ((whole - before) / (after - before)).clamp(0.0, 1.0) } else { 1.0 };
+            if whole > 0.0 { (part * after / whole).min(1.0) } else { 1.0 }
+        };
+        Some(PrefilterLookup {
+            edge,
+            far: std::array::from_fn(far),
+            whole: ray.extinguished(self.sigma_t, self.fan.edges.first, end),
+            place: self.place(ray.kappa),
+        })
+    }
+}
+
 /// The visibility of a fan in a Fourier series, summed up along its samples.
 ///
 /// Shapes  one mean and M sums of each edge, for each colour that differs
 #[derive(Debug)]
 pub struct Prefiltered<'a> {
-    fan: &'a Fan,
-    sigma_t: [f64; 3],
-    /// The least angle of a ray, and how far the others reach.
-    angles: [f64; 2],
+    filter: Prefilter<'a>,
     /// 2 / c_k: the size of a_k (eq. 8).
     amplitudes: Vec<f32>,
-    /// Extinction along the reference ray a metre of ξ, of each colour that differs.
-    rates: Vec<f64>,
+    /// The colours that differ.
+    colors: usize,
     /// Σ w of each edge and colour.
     totals: Vec<f64>,
     /// Σ w x / Σ w of each edge and colour.
@@ -49,27 +116,13 @@ pub struct Prefiltered<'a> {
 }
 
 impl<'a> Prefiltered<'a> {
-    /// Of a fan with such rays; light is 1 everywhere where there are no samples of it. M counts sines and cosines.
-    pub fn new(
-        (fan, rays): (&'a Fan, &[FanRay]),
-        sigma_t: [f64; 3],
-        coefficients: usize,
-        weighting: PrefilterWeighting,
-        light: Option<&[[f32; 4]]>,
-    ) -> Self {
-        let reference = match weighting {
-            PrefilterWeighting::Average => 0.0,
-            PrefilterWeighting::Transmittance => reference_q(rays),
-        };
-        let rates = sigma_t.map(|sigma| sigma * reference);
-        let is_grey = light.is_none() && rates == [rates[0]; 3];
-        let harmonics = coefficients.clamp(2, MOST_COEFFICIENTS) / 2;
+    /// Of a fan; light is 1 everywhere where there are no samples of it. M counts sines and cosines.
+    pub fn new(filter: Prefilter<'a>, coefficients: usize, light: Option<&[[f32; 4]]>) -> Self {
+        let is_grey = light.is_none() && filter.rates == [filter.rates[0]; 3];
         let mut prefiltered = Self {
-            fan,
-            sigma_t,
-            angles: angles_of(rays),
-            amplitudes: (0..harmonics).map(|k| (2.0 / (PI * (2 * k + 1) as f64)) as f32).collect(),
-            rates: rates[..if is_grey { 1 } else { 3 }].to_vec(),
+            filter,
+            amplitudes: (0..harmonics(coefficients)).map(|k| amplitude(k) as f32).collect(),
+            colors: if is_grey { 1 } else { 3 },
             totals: Vec::new(),
             means: Vec::new(),
             sums: Vec::new(),
@@ -80,18 +133,19 @@ impl<'a> Prefiltered<'a> {
 
     /// Sums the weighted basis up along the samples, in f64.
     fn sum(&mut self, light: Option<&[[f32; 4]]>) {
-        let (edges, colors, terms) = (self.fan.slopes.len() + 1, self.rates.len(), self.terms());
+        let (fan, colors, terms) = (self.filter.fan, self.colors, self.terms());
+        let edges = fan.slopes.len() + 1;
         self.totals = vec![0.0; edges * colors];
         self.means = vec![0.0; edges * colors];
         self.sums = vec![0.0; edges * colors * terms];
         let (mut values, mut sums, mut shown) =
             ([0.0; MOST_COEFFICIENTS], vec![0.0; colors * terms], [0.0; 3]);
         let values = &mut values[..terms];
-        for (sample, &slope) in self.fan.slopes.iter().enumerate() {
-            basis(self.place(slope), values);
+        for (sample, &slope) in fan.slopes.iter().enumerate() {
+            basis(self.filter.place(slope), values);
             for color in 0..colors {
                 let at = (sample + 1) * colors + color;
-                let total = self.total(color, self.fan.edge(sample + 1));
+                let total = self.filter.total(color, fan.edge(sample + 1));
                 let light = light.map_or(1.0, |light| f64::from(light[sample][color]));
                 let part = (total - self.totals[at - colors]) * light;
                 let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
@@ -113,54 +167,33 @@ impl<'a> Prefiltered<'a> {
         2 * self.amplitudes.len()
     }
 
-    /// Where a slope is in the half period of the series, from 0 to 1.
-    fn place(&self, slope: f32) -> f64 {
-        let [least, range] = self.angles;
-        let place = ((f64::from(slope).atan() - least) / range).clamp(-GUARD, 1.0 + GUARD);
-        (place + GUARD) / (1.0 + 2.0 * GUARD)
-    }
-
-    /// Σ w up to a ξ: what the reference ray loses of 1 from the first edge on, over its rate.
-    fn total(&self, color: usize, xi: f64) -> f64 {
-        let (rate, way) = (self.rates[color], xi - self.fan.edges.first);
-        if rate > 0.0 { -(-rate * way).exp_m1() / rate } else { way }
-    }
-
     /// What a ray of the fan shows of its samples.
     ///
     /// Cost    M products a colour
     pub fn of(&self, ray: &FanRay) -> [f64; 3] {
-        let end = f64::from(ray.end).min(self.fan.last());
-        let samples = self.fan.samples_before(end);
-        if samples == 0 {
-            return [0.0; 3];
-        }
+        let Some(lookup) = self.filter.lookup(ray) else { return [0.0; 3] };
         let mut coefficients = [0.0; MOST_COEFFICIENTS];
         let coefficients = &mut coefficients[..self.terms()];
-        basis(self.place(ray.kappa), coefficients);
+        basis(lookup.place, coefficients);
         for (pair, amplitude) in coefficients.as_chunks_mut::<2>().0.iter_mut().zip(&self.amplitudes) {
             *pair = [amplitude * pair[1], -amplitude * pair[0]];
         }
-        let whole = ray.extinguished(self.sigma_t, self.fan.edges.first, end);
-        let visible = |color: usize| self.visible(color, (samples, end), coefficients);
-        match self.rates.len() {
+        let visible = |color: usize| self.visible(color, &lookup, coefficients);
+        match self.colors {
             1 => {
                 let visible = visible(0);
-                whole.map(|whole| whole * visible)
+                lookup.whole.map(|whole| whole * visible)
             }
-            _ => std::array::from_fn(|c| whole[c] * visible(c)),
+            _ => std::array::from_fn(|c| lookup.whole[c] * visible(c)),
         }
     }
 
     /// Σ w x V / Σ w up to the end of a ray, between that of two edges as the weights are there; it cannot leave 0 to Σ w x / Σ w.
-    fn visible(&self, color: usize, (samples, end): (usize, f64), coefficients: &[f32]) -> f64 {
-        let (colors, terms) = (self.rates.len(), coefficients.len());
-        let upper = samples * colors + color;
-        let lower = upper - colors;
-        let [before, after] = [lower, upper].map(|at| self.totals[at]);
-        let whole = self.total(color, end);
-        let part = if after > before { ((whole - before) / (after - before)).clamp(0.0, 1.0) } else { 1.0 };
-        let far = if whole > 0.0 { (part * after / whole).min(1.0) as f32 } else { 1.0 };
+    fn visible(&self, color: usize, lookup: &PrefilterLookup, coefficients: &[f32]) -> f64 {
+        let terms = coefficients.len();
+        let upper = lookup.edge * self.colors + color;
+        let lower = upper - self.colors;
+        let far = lookup.far[color] as f32;
         let near = 1.0 - far;
         let sum = |at: usize| -> f32 {
             self.sums[at * terms..][..terms].iter().zip(coefficients).map(|(sum, a)| sum * a).sum()
@@ -169,6 +202,16 @@ impl<'a> Prefiltered<'a> {
         let visible = 0.5 * mean + near * sum(lower) + far * sum(upper);
         f64::from(visible.min(mean.max(0.0)).max(mean.min(0.0)))
     }
+}
+
+/// Pairs of a sine and a cosine.
+pub fn harmonics(coefficients: usize) -> usize {
+    coefficients.clamp(2, MOST_COEFFICIENTS) / 2
+}
+
+/// 2 / c_k.
+fn amplitude(k: usize) -> f64 {
+    2.0 / (PI * (2 * k + 1) as f64)
 }
 
 /// sin(c_k z) and cos(c_k z) in turns, c_k = π (2k − 1): B_k of eq. 8.

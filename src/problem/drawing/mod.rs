@@ -1,5 +1,7 @@
 //! Other ways than the exact rows to draw what the medium scatters of the sun: those of the literature, and slices.
 
+#[cfg(feature = "gpu")]
+mod adapter;
 mod bilateral;
 mod marched;
 mod method;

@@ -4,9 +4,13 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::super::Maps;
+#[cfg(feature = "gpu")]
+use super::super::canvas::where_it_can;
 use super::super::painted_rows::transport;
 use super::super::upsampling::Coarse;
+use super::super::{Canvas, Maps};
+#[cfg(feature = "gpu")]
+use super::adapter::OnAdapter;
 use super::method::{Drawing, DrawingMethod};
 use super::rays::{MARCHED_TO, PictureRays, SunLight};
 use super::sliced::PictureSlices;
@@ -37,7 +41,7 @@ const NEARBY: usize = 16;
 ///
 /// Errors: [`Error::Empty`] for panes, which none of these methods knows, and for a light map that the method cannot show.
 pub(in crate::problem) fn scattered(
-    drawing: Drawing,
+    (drawing, canvas): (Drawing, &Canvas),
     light: SunLight,
     camera: &Camera,
     rays: &[ViewRay],
@@ -47,15 +51,15 @@ pub(in crate::problem) fn scattered(
     let [width, _] = camera.size();
     if drawing.reduced <= 1 {
         let angle = |index: usize| angles.at([index % width, index / width]);
-        return Prepared::new(drawing.method, light, &PictureRays { rays, width, angle: &angle })?
-            .shown(light);
+        let of = PictureRays { rays, width, angle: &angle };
+        return Prepared::new((drawing.method, canvas), light, &of)?.shown(light);
     }
     let times = drawing.reduced;
     let (coarse, columns) = (coarse(), width.div_ceil(times) + 1);
     let angle =
         |index: usize| times as f64 * angles.at([index % columns, index / columns].map(|at| at * times));
     let of = PictureRays { rays: &coarse, width: columns, angle: &angle };
-    let drawn = Prepared::new(drawing.method, light, &of)?.shown(light)?;
+    let drawn = Prepared::new((drawing.method, canvas), light, &of)?.shown(light)?;
     let end = |ray: &ViewRay| ray.length.min(light.scene.medium.reach(MARCHED_TO));
     let samples = coarse.iter().zip(&drawn).map(|(ray, [plain, change])| {
         let value = [plain[0], plain[1], plain[2], change[0], change[1], change[2]];
@@ -78,17 +82,31 @@ enum Prepared<'a> {
     Exact(LightMapTraversal),
     Marched(&'a PictureRays<'a>, DrawingMethod),
     Sliced(PictureSlices, DrawingMethod),
+    #[cfg(feature = "gpu")]
+    OnAdapter(OnAdapter),
 }
 
 impl<'a> Prepared<'a> {
-    /// Errors: [`Error::Empty`] for panes.
-    fn new(method: DrawingMethod, light: SunLight, of: &'a PictureRays<'a>) -> Result<Self> {
+    /// Errors: [`Error::Empty`] for panes; those of an adapter.
+    fn new(
+        (method, canvas): (DrawingMethod, &Canvas),
+        light: SunLight,
+        of: &'a PictureRays<'a>,
+    ) -> Result<Self> {
         if light.maps.geometry.has_panes() {
             let reason = format!(
                 "`{method}` knows light and shadow alone here, and the scene has panes (glass, or leaves that let light through)"
             );
             return Err(Error::Empty { reason, remedy: "draw with method exact, and every pixel" });
         }
+        #[cfg(feature = "gpu")]
+        if let Canvas::Adapter(gpu) = canvas
+            && let Some(adapter) = where_it_can(OnAdapter::new(gpu, method, light, of))?.flatten()
+        {
+            return Ok(Self::OnAdapter(adapter));
+        }
+        #[cfg(not(feature = "gpu"))]
+        let Canvas::Processor = canvas;
         Ok(match method {
             DrawingMethod::Exact => Self::Exact(own_rows(light, of.rays)),
             DrawingMethod::March { .. } | DrawingMethod::Bilateral { .. } => Self::Marched(of, method),
@@ -113,6 +131,8 @@ impl<'a> Prepared<'a> {
             }
             Self::Marched(..) => Ok(Vec::new()),
             Self::Sliced(slices, method) => slices.shown(*method, light),
+            #[cfg(feature = "gpu")]
+            Self::OnAdapter(adapter) => adapter.shown(light),
         }
     }
 }
@@ -161,7 +181,7 @@ impl<'a> ScatteredView<'a> {
         let light = SunLight { scene: self.scene, maps: self.maps, change: change.map(|it| (it, [0.0; 3])) };
         let of = PictureRays { rays: &self.rays, width, angle: &angle };
         let clock = Instant::now();
-        let prepared = Prepared::new(method, light, &of)?;
+        let prepared = Prepared::new((method, &Canvas::Processor), light, &of)?;
         let set_up_seconds = clock.elapsed().as_secs_f64();
         let clock = Instant::now();
         let shown = prepared.shown(light)?;

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use super::method::DrawingMethod;
 use super::rays::{PictureRays, SunLight};
 use crate::march::{
-    EpipolarSettings, EpipolarTraversal, Fan, FanRay, Fans, MinMaxTree, PrefilterWeighting, Prefiltered,
-    SlicedRays,
+    EpipolarSettings, EpipolarTraversal, Fan, FanRay, Fans, MinMaxTree, Prefilter, PrefilterWeighting,
+    Prefiltered, SlicedRays,
 };
 use crate::scene::{Rgb, rgb};
 use crate::{Error, Result};
@@ -47,6 +47,12 @@ impl PictureSlices {
             EpipolarSettings { samples, tolerance: TOLERANCE, ..EpipolarSettings::default() },
         );
         Self { rows: EpipolarTraversal::over(Arc::new(fans), *light_map, scene.solve.basis) }
+    }
+
+    /// The texels of the light map over them.
+    #[cfg(feature = "gpu")]
+    pub(super) fn rows(&self) -> &EpipolarTraversal {
+        &self.rows
     }
 
     /// Bytes that they take.
@@ -123,8 +129,8 @@ impl PictureSlices {
                 self.rows.light_at(texels, outside, fan, 0..fan.slopes.len(), &mut samples);
                 samples
             });
-            let of = (fan, fans.rays_of(fan));
-            let filtered = Prefiltered::new(of, fans.sigma_t(), coefficients, weighting, light.as_deref());
+            let filter = Prefilter::new((fan, fans.rays_of(fan)), fans.sigma_t(), weighting);
+            let filtered = Prefiltered::new(filter, coefficients, light.as_deref());
             move |ray: &FanRay| {
                 let shown = filtered.of(ray);
                 rgb(|c| shown[c] as f32 * times[c])

@@ -4,6 +4,7 @@
 
 mod live;
 mod pictures;
+mod slices;
 mod solving;
 mod surfaces;
 mod transport;
