@@ -43,6 +43,7 @@ pub(crate) enum Engine {
 }
 
 /// What computes at the moment.
+#[derive(Clone)]
 pub(crate) enum On {
     /// The processor.
     Cpu,

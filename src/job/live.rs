@@ -3,21 +3,21 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::engine::{Engine, On};
+use super::live_pictures::{LivePictures, Still, light_map_of};
 use super::memory::MemoryBudget;
 use super::observer::Stop;
 use super::preview::{Preview, scaled, seen_at};
 use super::{Job, Options};
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuOperator;
-use crate::operator::{CpuVector, FromHost, NOWHERE, OnHost, Picked, TransportOperator};
+use crate::march::EpipolarSettings;
+use crate::operator::{CpuVector, FromHost, NOWHERE, OnHost, Picked, Storage, TransportOperator};
 use crate::problem::{
     Backdrop, Begin, Canvas, Constraint, Formulation, HeterogeneousAir, LightMapProblem, Painting, Paused,
     Problem, Renderer, Snapshot, Solved, Traced, TransferFunction, fit, minimize, paint, pixels, render,
 };
-use crate::scene::{Camera, Extent, Image, MapSettings, Rgb, Scene, SolveSettings, Stroke, rgb};
+use crate::scene::{Camera, Extent, Image, MapSettings, Rgb, Scene, SolveSettings, Strategy, Stroke, rgb};
 use crate::solve::{Control, StopReason};
 use crate::visibility::Geometry;
 use crate::{Error, Result};
@@ -42,7 +42,7 @@ pub struct Standing {
 
 /// A light map that is looked for while somebody paints.
 ///
-/// Rows of all pixels of all views are kept, for pictures; a change of strokes changes weights and targets, and the few rows that weigh
+/// Rows of all pixels of all views are kept, for pictures; where they do not fit, pictures are drawn over slices. A change of strokes changes weights and targets, and the few rows that weigh
 /// something are put together for the solve. Points and radii of strokes are in pixels
 /// of the full pictures.
 ///
@@ -60,6 +60,8 @@ pub struct LiveJob {
     problem: LightMapProblem,
     engine: Engine,
     warm: Warm,
+    /// T over slices, for pictures, where exact rows of all pixels would be walked for each.
+    drawn: Option<Warm>,
     /// The rows that weigh something since the last change, where they are few.
     few: Option<Few>,
     memory: MemoryBudget,
@@ -73,27 +75,6 @@ pub struct LiveJob {
     stop: Stop,
     /// What pictures need beside products with rows, once there were some.
     still: Option<Arc<Still>>,
-}
-
-/// What of all pictures does not change.
-struct Still {
-    backdrops: Vec<Backdrop>,
-    /// T x₀.
-    start: Vec<Rgb>,
-    /// The row of each pixel, view by view; [`NOWHERE`] for none.
-    rows: Vec<Vec<u32>>,
-}
-
-/// All previews under the light map as it is; made by [`LiveJob::pictures`].
-pub struct LivePictures<'a> {
-    live: &'a LiveJob,
-    still: Arc<Still>,
-    /// All elements.
-    x: Cow<'a, [Rgb]>,
-    /// T (x − x₀).
-    scattered: Vec<Rgb>,
-    /// How far the texels differ from the plain light.
-    texels: Vec<Rgb>,
 }
 
 /// A live job between two iterations.
@@ -146,8 +127,9 @@ impl LiveJob {
         let problem = LightMapProblem::of(&scene, &geometry, pixels(&scene)?, &Traced)?;
         let memory = MemoryBudget::of_light_map(&scene);
         let settings = memory.settled(scene.solve.clone(), &problem)?;
-        let warm = engine
-            .run(None, false, None, |on, _| Warm::new(&problem, on, (&settings, &memory), deterministic))?;
+        let how = (&settings, &memory);
+        let (warm, drawn) =
+            engine.run(None, false, None, |on, _| Warm::of_all(&problem, on, how, deterministic))?;
         let x = problem.starts();
         Ok(Self {
             scene,
@@ -156,6 +138,7 @@ impl LiveJob {
             problem,
             engine,
             warm,
+            drawn,
             few: None,
             memory,
             deterministic,
@@ -309,7 +292,8 @@ impl LiveJob {
         let went = engine.run(None, false, None, |on, _| {
             let (how, deterministic) = ((&self.settings, &self.memory), self.deterministic);
             if matches!(on, On::Cpu) && !matches!(self.warm, Warm::Cpu(_)) {
-                (self.warm, self.few) = (Warm::new(&self.problem, On::Cpu, how, deterministic)?, None);
+                (self.warm, self.drawn) = Warm::of_all(&self.problem, On::Cpu, how, deterministic)?;
+                self.few = None;
             }
             if self.few.is_none() {
                 self.few = self.few(on)?;
@@ -474,7 +458,7 @@ impl LiveJob {
         };
         let scattered = difference(&shown, &|row| still.start[row]);
         let texels = difference(self.problem.parted(&x)[0], &|_| self.problem.start);
-        Ok(LivePictures { live: self, still, x, scattered, texels })
+        Ok(LivePictures { scene: &self.scene, problem: &self.problem, still, x, scattered, texels })
     }
 
     fn still(&self) -> Result<Still> {
@@ -498,7 +482,7 @@ impl LiveJob {
 
     /// T x.
     fn shown(&self, x: &[Rgb]) -> Result<Vec<Rgb>> {
-        match &self.warm {
+        match self.drawn.as_ref().unwrap_or(&self.warm) {
             Warm::Cpu(operator) => operator.shown(x),
             #[cfg(feature = "gpu")]
             Warm::Gpu(operator) => operator.shown(x),
@@ -514,12 +498,7 @@ impl LiveJob {
 
     /// The light map as it is.
     pub fn light_map(&self) -> Result<Image> {
-        self.light_map_of(&self.x)
-    }
-
-    fn light_map_of(&self, x: &[Rgb]) -> Result<Image> {
-        let [texels, _] = self.problem.parted(x);
-        Image::new(self.problem.maps.light_map.size, texels.to_vec())
+        light_map_of(&self.problem, &self.x)
     }
 
     /// What ends an [`Self::advance`] from another thread.
@@ -542,133 +521,34 @@ impl LiveMoment<'_> {
     }
 }
 
-impl LivePictures<'_> {
-    /// The light map.
-    pub fn light_map(&self) -> Result<Image> {
-        self.live.light_map_of(&self.x)
-    }
-
-    fn row(&self, view: usize, pixel: usize) -> Option<usize> {
-        Some(self.still.rows[view][pixel]).filter(|&row| row != NOWHERE).map(|row| row as usize)
-    }
-
-    fn picture(&self, view: usize, mut color: impl FnMut(usize, Rgb) -> Rgb) -> Image {
-        let mut picture = self.before(view).clone();
-        picture.pixels.iter_mut().enumerate().for_each(|(pixel, shown)| *shown = color(pixel, *shown));
-        picture
-    }
-
-    /// How many views there are.
-    pub fn views(&self) -> usize {
-        self.still.backdrops.len()
-    }
-
-    /// A view under the plain light.
-    pub fn before(&self, view: usize) -> &Image {
-        self.still.backdrops[view].before()
-    }
-
-    /// A view under the light map.
-    pub fn after(&self, view: usize) -> Image {
-        let scattered = |pixel| self.row(view, pixel).map_or([0.0; 3], |row| self.scattered[row]);
-        self.still.backdrops[view].after(&self.texels, scattered)
-    }
-
-    /// What the paint asks for: the picture under the plain light, its scattered light replaced where it is painted.
-    pub fn target(&self, view: usize) -> Image {
-        let problem = &self.live.problem;
-        self.picture(view, |pixel, shown| {
-            let Some(row) = self.painted(view, pixel) else { return shown };
-            let (wanted, plain, weight) =
-                (problem.wanted(row), problem.plain[row], problem.constraints[row].weight.min(1.0));
-            rgb(|c| (shown[c] + weight * (wanted[c] - plain[c])).max(0.0))
-        })
-    }
-
-    /// How far the scattered light misses what is painted; black where nothing is.
-    pub fn difference(&self, view: usize) -> Image {
-        self.picture(view, |pixel, _| {
-            let Some(row) = self.painted(view, pixel) else { return [0.0; 3] };
-            let weight = self.live.problem.constraints[row].weight.min(1.0);
-            self.missed(row).map(|missed| weight * missed.abs())
-        })
-    }
-
-    fn painted(&self, view: usize, pixel: usize) -> Option<usize> {
-        self.row(view, pixel).filter(|&row| self.live.problem.constraints[row].is_painted())
-    }
-
-    /// Scattered radiance of a row less what is wanted of it.
-    fn missed(&self, row: usize) -> Rgb {
-        let (plain, wanted) = (self.live.problem.plain[row], self.live.problem.wanted(row));
-        rgb(|c| plain[c] + self.scattered[row][c] - wanted[c])
-    }
-
-    /// The pixels of a view whose paint is not met because other paint says something else of its light, or nothing can bring it: more than half
-    /// of the wish is missed, and more than a tenth of the plain light.
-    pub fn contested(&self, view: usize) -> Vec<bool> {
-        const HALF: f64 = 0.5;
-        const TENTH: f64 = 0.1;
-        let norm = |color: Rgb| color.iter().map(|&c| f64::from(c).powi(2)).sum::<f64>().sqrt();
-        let is_missed = |row: usize| {
-            let (plain, wanted) = (self.live.problem.plain[row], self.live.problem.wanted(row));
-            let wish = norm(rgb(|c| wanted[c] - plain[c]));
-            norm(self.missed(row)) > (HALF * wish).max(TENTH * norm(plain))
-        };
-        (0..self.still.rows[view].len())
-            .map(|pixel| self.painted(view, pixel).is_some_and(is_missed))
-            .collect()
-    }
-
-    /// How far the first surface is straight ahead in the pixels of a view, in metres; infinite where there is none.
-    pub fn depths(&self, view: usize) -> Vec<f64> {
-        let LiveJob { scene, problem, .. } = self.live;
-        let camera = &scene.views[view].camera;
-        let width = camera.size()[0];
-        let ahead = |pixel: usize| {
-            let ray = camera.pixel_ray(pixel % width, pixel / width);
-            let hit = problem.maps.geometry.first_hit(&ray, f64::INFINITY);
-            hit.map_or(f64::INFINITY, |hit| hit.distance * ray.direction.dot(camera.ahead()))
-        };
-        (0..self.still.rows[view].len()).into_par_iter().map(ahead).collect()
-    }
-
-    /// The pixels of a view that light through the light map reaches: what paint can change.
-    pub fn reached(&self, view: usize) -> Vec<bool> {
-        let is_lit = |row: usize| self.still.start[row].iter().any(|&radiance| radiance > 0.0);
-        (0..self.still.rows[view].len()).map(|pixel| self.row(view, pixel).is_some_and(is_lit)).collect()
-    }
-
-    /// The share of the paint that is met: 1 less what is missed, relative to what was missed under the plain light. None where nothing is
-    /// painted.
-    pub fn met(&self) -> Option<f64> {
-        let problem = &self.live.problem;
-        let (mut missed, mut plain) = (0.0, 0.0);
-        for (row, pixel) in problem.constraints.iter().enumerate().filter(|(_, pixel)| pixel.is_painted()) {
-            let (now, wanted) = (self.missed(row), problem.wanted(row));
-            for c in 0..3 {
-                missed += f64::from(pixel.weight * now[c] * now[c]);
-                plain += f64::from(pixel.weight * (problem.plain[row][c] - wanted[c]).powi(2));
-            }
-        }
-        (plain > 0.0).then(|| 1.0 - (missed / plain).sqrt())
-    }
-
-    /// The tint that a pixel has: its scattered light relative to that of the plain light; white where there is none.
-    pub fn tint(&self, view: usize, [x, y]: [usize; 2]) -> Rgb {
-        let [width, height] = self.before(view).size();
-        let Some(row) = self.row(view, y.min(height - 1) * width + x.min(width - 1)) else { return [1.0; 3] };
-        let plain = self.live.problem.plain[row];
-        rgb(|c| match plain[c] {
-            plain if plain > 0.0 => ((plain + self.scattered[row][c]) / plain).max(0.0),
-            _ => 1.0,
-        })
-    }
-}
-
 impl Warm {
-    fn new(
+    /// T of all pixels, and T over slices where the first has rows that are walked and slices know them.
+    fn of_all(
         problem: &LightMapProblem,
+        on: On,
+        (settings, memory): (&SolveSettings, &MemoryBudget),
+        deterministic: bool,
+    ) -> Result<(Self, Option<Self>)> {
+        let exact = Self::new(problem, on.clone(), (settings, memory), deterministic)?;
+        let is_kept = exact.storage().walked_rows == 0;
+        let Some(Ok(sliced)) = (!is_kept).then(|| problem.sliced(EpipolarSettings::default())).flatten()
+        else {
+            return Ok((exact, None));
+        };
+        let swept = SolveSettings { strategy: Strategy::MatrixFree, ..settings.clone() };
+        Ok((exact, Some(Self::new(&*sliced, on, (&swept, memory), deterministic)?)))
+    }
+
+    fn storage(&self) -> Storage {
+        match self {
+            Self::Cpu(operator) => operator.storage(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(operator) => operator.storage(),
+        }
+    }
+
+    fn new(
+        problem: &dyn Problem,
         on: On,
         (settings, memory): (&SolveSettings, &MemoryBudget),
         deterministic: bool,

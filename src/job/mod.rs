@@ -24,6 +24,7 @@ mod light_animation;
 mod light_map;
 mod light_views;
 mod live;
+mod live_pictures;
 mod live_volume;
 mod lock;
 mod matrix;
@@ -65,7 +66,8 @@ pub(crate) use exposure::readable;
 pub(crate) use folder::Folder;
 #[cfg(feature = "cli")]
 pub(crate) use folder::abandon;
-pub use live::{LiveJob, LiveMoment, LivePictures, Standing};
+pub use live::{LiveJob, LiveMoment, Standing};
+pub use live_pictures::LivePictures;
 pub use live_volume::LiveVolume;
 pub use matrix::Exported;
 pub(crate) use memory::MemoryBudget;

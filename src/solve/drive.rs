@@ -86,6 +86,9 @@ const PARTED: f64 = 1.5;
 const CORRECTED: f64 = 0.9;
 /// The part of the tolerance down to which an operator that is corrected is iterated with: some of the rest is the correction's.
 const AHEAD: f64 = 0.75;
+/// The part of the last true normal residual down to which it is iterated with before the truth is looked at again: by then the two have
+/// little in common.
+const LOOKED: f64 = 0.02;
 
 /// Runs a method until it should stop.
 ///
@@ -130,7 +133,8 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
     loop {
         let seconds = seconds_before + clock.elapsed().as_secs_f64();
         let iteration = history.progress.last().map_or(0, |last| last.iteration);
-        if let Some(reason) = judge.reason_to_stop(&history, seconds) {
+        let stop = judge.reason_to_stop(&history, seconds);
+        if let Some(reason) = stop.or_else(|| judge.has_gone_far(&history).then_some(StopReason::Tolerance)) {
             let outcome = judge.finish(method, &history, reason)?;
             certifying += 2;
             let believed = matches!(reason, StopReason::Tolerance | StopReason::Discrepancy);
@@ -285,6 +289,16 @@ impl<O: LinearOperator> Judge<'_, O> {
         } else {
             None
         }
+    }
+
+    /// Whether an operator that is corrected has been iterated with so far that the truth is worth a look.
+    fn has_gone_far(&self, history: &History) -> bool {
+        let normal = |last: &Progress| last.normal_residual.into_iter().fold(0.0, f64::max);
+        self.problem.is_corrected()
+            && history
+                .progress
+                .last()
+                .is_some_and(|last| normal(last) <= LOOKED * history.least_true.min(1.0))
     }
 
     /// The outcome, with the residuals computed anew; they stay in `r` and `s`.

@@ -220,6 +220,32 @@ fn a_corrected_solve_goes_on_to_the_same_bits() {
     }
 }
 
+/// A tolerance that the iterations do not suffice for is still come nearer to than slices alone would.
+#[test]
+fn the_exact_gradient_is_looked_at_on_the_way() {
+    for name in ["citadel", "nave"] {
+        let solving = Solving::new(name, &["solve.tolerance=1e-5", "solve.iterations=40"]);
+        let (solved, _) = solving.solve(None, usize::MAX);
+        let outcome = &solved.outcome;
+        assert_eq!(outcome.stop.reason, StopReason::Iterations, "{name}");
+        assert!(outcome.history.restarts > 0, "{name}");
+        let coverage = solving.exact.squares(&solving.problem.weights()).unwrap();
+        let bare = Transports { exact: &solving.near, near: None };
+        let near = solve(&solving.problem, bare, &coverage, &solving.scene.solve, None, |_, _| {
+            Ok(Control::Continue)
+        });
+        let settings = unscatter::scene::SolveSettings { iterations: 0, ..solving.scene.solve.clone() };
+        let begin = unscatter::problem::Begin::At(&near.unwrap().x);
+        let of_near = solve(&solving.problem, &solving.exact, &coverage, &settings, begin, |_, _| {
+            Ok(Control::Continue)
+        });
+        let sum = |normal: [f64; 3]| normal.iter().sum::<f64>();
+        let [found, of_near] =
+            [outcome, &of_near.unwrap().outcome].map(|outcome| sum(outcome.true_normal_residual));
+        assert!(found < 0.7 * of_near, "{name}: {found:e}, and {of_near:e} by slices alone");
+    }
+}
+
 #[test]
 fn methods_that_cannot_be_corrected_say_so() {
     let job = Job::open_with(

@@ -171,6 +171,27 @@ fn what_goes_on_without_a_change_is_one_solve_to_the_bit() {
     assert_eq!(whole.light_map().unwrap().pixels, pieces.light_map().unwrap().pixels);
 }
 
+/// Where rows of all pixels are not kept, pictures are drawn over slices, and the light map is the same.
+#[test]
+fn pictures_of_a_live_job_whose_rows_do_not_fit_are_drawn_over_slices() {
+    let after = |strategy: &str| {
+        let overrides = ["solve.tolerance=1e-4", "solve.iterations=2000", strategy];
+        let mut live = citadel(&overrides).live(Preview::Width(240)).unwrap();
+        live.advance(20).unwrap();
+        let pictures = live.pictures().unwrap();
+        (pictures.after(0).pixels.concat(), pictures.light_map().unwrap().pixels.concat())
+    };
+    let [kept, walked] = ["solve.strategy=assembled", "solve.strategy=matrix-free"].map(after);
+    let apart = |a: &[f32], b: &[f32]| {
+        let brightest = b.iter().copied().fold(0.0, f32::max);
+        let square = a.iter().zip(b).map(|(a, b)| f64::from((a - b) / brightest).powi(2)).sum::<f64>();
+        (square / a.len() as f64).sqrt()
+    };
+    let [pictures, light_maps] = [apart(&walked.0, &kept.0), apart(&walked.1, &kept.1)];
+    assert!(pictures > 1e-5 && pictures < 4e-3, "{pictures:e}");
+    assert!(light_maps < 1e-4, "{light_maps:e}");
+}
+
 #[test]
 fn who_watches_a_live_job_sees_the_light_map_between_iterations() {
     let (mut watched, mut whole) = (live(120, "0"), live(120, "0"));

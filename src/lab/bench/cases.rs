@@ -53,6 +53,9 @@ pub enum Level {
     All,
 }
 
+/// The strategy of rows over slices, which are near the exact ones.
+pub(super) const OVER_SLICES: &str = "epipolar";
+
 /// Steps of the papers' march.
 const STEPS: [u32; 9] = [16, 32, 64, 128, 256, 512, 1024, 2048, 4096];
 const FEW_STEPS: [u32; 3] = [16, 128, 1024];
@@ -89,6 +92,7 @@ impl Contender {
         };
         let strategy = match self.strategy {
             Strategy::MatrixFree => "matrix-free",
+            Strategy::Epipolar => OVER_SLICES,
             _ => "assembled",
         };
         [place, self.basis.name(), precision, strategy]
@@ -103,6 +107,7 @@ impl Contender {
             (Level::Usual, Task::Solve(..)) => exact || plain,
             (Level::Quick, Task::Product) => exact || self.precision == Precision::F32,
             (Level::Quick, Task::Solve(solver, _)) => {
+                let plain = plain || self.strategy == Strategy::Epipolar;
                 plain && self.basis == CaseBasis::Linear && (exact || solver == SolverName::default())
             }
         }
@@ -120,8 +125,8 @@ impl CaseBasis {
     }
 }
 
-/// The cases of a level, products first; `marches` where rows can be marched at all.
-pub(super) fn cases(level: Level, places: &[CaseBackend], marches: bool) -> Vec<Contender> {
+/// The cases of a level, products first; `marches` where rows can be marched at all, `slices` where they can be put into slices.
+pub(super) fn cases(level: Level, places: &[CaseBackend], [marches, slices]: [bool; 2]) -> Vec<Contender> {
     let steps: &[u32] = match (marches, level) {
         (false, _) => &[],
         (_, Level::Quick) => &FEW_STEPS,
@@ -144,6 +149,9 @@ pub(super) fn cases(level: Level, places: &[CaseBackend], marches: bool) -> Vec<
             }
         }
     }
+    if slices {
+        cases.extend(places.iter().flat_map(|&place| over_slices(place)));
+    }
     // Adapters compute in f32.
     cases.retain(|case| {
         case.is_of(level) && (case.place == CaseBackend::Cpu || case.precision == Precision::F32)
@@ -152,6 +160,22 @@ pub(super) fn cases(level: Level, places: &[CaseBackend], marches: bool) -> Vec<
         cases.extend(races());
     }
     cases
+}
+
+/// Products over slices, and solves by the solver of scenes that such products are corrected in.
+fn over_slices(place: CaseBackend) -> impl Iterator<Item = Contender> {
+    CaseBasis::ALL.into_iter().flat_map(move |basis| {
+        let case = move |task, precision| Contender {
+            task,
+            place,
+            quadrature: Quadrature::Exact,
+            basis,
+            precision,
+            strategy: Strategy::Epipolar,
+        };
+        let products = [Precision::F32, Precision::F64].map(|precision| case(Task::Product, precision));
+        products.into_iter().chain([case(Task::Solve(SolverName::default(), TOLERANCE), Precision::F32)])
+    })
 }
 
 /// Every solver to tighter and looser tolerances.
@@ -175,7 +199,7 @@ mod tests {
     #[test]
     fn names_are_those_of_one_case_each_and_levels_contain_each_other() {
         let names = |level| -> Vec<String> {
-            cases(level, &[CaseBackend::Cpu], true).iter().map(Contender::name).collect()
+            cases(level, &[CaseBackend::Cpu], [true; 2]).iter().map(Contender::name).collect()
         };
         let [quick, usual, all] = [Level::Quick, Level::Usual, Level::All].map(names);
         for names in [&quick, &usual, &all] {
@@ -186,10 +210,10 @@ mod tests {
         }
         assert!(quick.iter().all(|name| usual.contains(name)));
         assert!(usual.iter().all(|name| all.contains(name)));
-        // Nine solvers and products, ten traversals, two bases, precisions and strategies; eighteen races.
-        assert_eq!(all.len(), 10 * 10 * 8 + 18);
+        // Nine solvers and products, ten traversals, two bases, precisions and strategies; over slices; eighteen races.
+        assert_eq!(all.len(), 10 * 10 * 8 + 6 + 18);
         assert!(
-            cases(Level::All, &[CaseBackend::Cpu], false)
+            cases(Level::All, &[CaseBackend::Cpu], [false; 2])
                 .iter()
                 .all(|case| case.quadrature == Quadrature::Exact)
         );

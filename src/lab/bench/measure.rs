@@ -10,9 +10,9 @@ use super::reference::Sample;
 use crate::gpu::Gpu;
 use crate::job::{Stop, peak_memory};
 use crate::operator::{TransportOperator, Vector, adjoint_test};
-use crate::problem::{Problem, Snapshot, solve};
+use crate::problem::{Problem, Snapshot, Transports, near, solve};
 use crate::report::bench::{Measured, Record};
-use crate::scene::{Quadrature, SolveSettings, SolverName};
+use crate::scene::{Quadrature, SolveSettings, SolverName, Strategy};
 use crate::{Error, Result};
 
 /// A solve that says it has converged may have as many tolerances left: what `solve::drive` confirms.
@@ -97,8 +97,8 @@ impl CaseMeter {
     pub(super) fn measure(&self, scene: &str, case: &Contender, sample: &Sample) -> Result<Option<Record>> {
         let Some(mut problem) = sample.problem.integrated(case.quadrature, None) else { return Ok(None) };
         match self.run(scene, case, sample, &mut *problem) {
-            // Adapters have no kernel for some of the cases.
-            Err(error) if error.is_not_possible_here() => {
+            // Adapters have no kernel for some of the cases, and slices know no panes.
+            Err(error) if error.is_not_possible_here() || matches!(error, Error::Empty { .. }) => {
                 tracing::warn!("{scene}/{} is left out: {error}", case.name());
                 Ok(None)
             }
@@ -117,14 +117,18 @@ impl CaseMeter {
         let clock = Instant::now();
         problem.replan();
         let planning = clock.elapsed().as_secs_f64();
-        let (run, problem) = (CaseRun { bench: self, scene, case, sample, problem, planning }, &*problem);
+        let clock = Instant::now();
+        let sliced = near(problem, case.strategy)?;
+        let planning = planning + clock.elapsed().as_secs_f64();
+        let run = CaseRun { bench: self, scene, case, sample, problem, near: sliced.as_deref(), planning };
+        let strategy = if sliced.is_some() { Strategy::MatrixFree } else { case.strategy };
         #[cfg(feature = "gpu")]
         if let (CaseBackend::Gpu, Some(gpu)) = (case.place, &self.gpu) {
-            return run.with(|| problem.on_gpu(gpu, case.strategy, u64::MAX, false));
+            return run.with(|problem| problem.on_gpu(gpu, strategy, u64::MAX, false));
         }
         match case.precision {
-            Precision::F64 => run.with(|| problem.wide(case.strategy)),
-            Precision::F32 => run.with(|| problem.on_cpu(case.strategy, u64::MAX)),
+            Precision::F64 => run.with(|problem| problem.wide(strategy)),
+            Precision::F32 => run.with(|problem| problem.on_cpu(strategy, u64::MAX)),
         }
     }
 }
@@ -136,14 +140,16 @@ struct CaseRun<'a> {
     case: &'a Contender,
     sample: &'a Sample,
     problem: &'a dyn Problem,
+    /// The rows that stand for its own.
+    near: Option<&'a dyn Problem>,
     /// Seconds that foreseeing the rows took.
     planning: f64,
 }
 
 impl CaseRun<'_> {
-    fn with<O: TransportOperator>(&self, make: impl Fn() -> Result<O>) -> Result<Record> {
+    fn with<O: TransportOperator>(&self, make: impl Fn(&dyn Problem) -> Result<O>) -> Result<Record> {
         match self.case.task {
-            Task::Product => self.product(make),
+            Task::Product => self.product(|| make(self.near.unwrap_or(self.problem))),
             Task::Solve(solver, tolerance) => self.solve(make, solver, tolerance),
         }
     }
@@ -166,7 +172,7 @@ impl CaseRun<'_> {
 
     fn solve<O: TransportOperator>(
         &self,
-        make: impl Fn() -> Result<O>,
+        make: impl Fn(&dyn Problem) -> Result<O>,
         solver: SolverName,
         tolerance: f64,
     ) -> Result<Record> {
@@ -177,12 +183,13 @@ impl CaseRun<'_> {
             ..self.sample.settings(solver, tolerance, patience.iterations)?
         };
         let clock = Instant::now();
-        let operator = make()?;
+        let (operator, near) = (make(self.problem)?, self.near.map(&make).transpose()?);
         let set_up = clock.elapsed().as_secs_f64();
         let clock = Instant::now();
         let coverage = operator.squares(&self.problem.weights())?;
         let go_on = |_: &_, _: &mut dyn Snapshot| Ok(patience.stop.control());
-        let solved = solve(self.problem, &operator, &coverage, &settings, None, go_on)?;
+        let transports = Transports { exact: &operator, near: near.as_ref() };
+        let solved = solve(self.problem, transports, &coverage, &settings, None, go_on)?;
         let seconds = clock.elapsed().as_secs_f64();
         let iterated = solved.outcome.history.progress.last().map_or(0, |last| last.operator_applications);
         let (error, excess) = self.sample.distances(reference, solver, &solved.x)?;

@@ -172,8 +172,9 @@ impl Session<'_> {
             }
             Ok(())
         };
-        let marches = subject::can_march(&source.load(&[])?);
-        let all = cases(self.asked.level, &self.places, marches);
+        let scenes = source.load(&[])?;
+        let kinds = [subject::can_march(&scenes), subject::has_slices(&scenes)];
+        let all = cases(self.asked.level, &self.places, kinds);
         observer.begins(&Step { name: &name, within: "", parts: Some(all.len() as u64) });
         for (index, case) in all.iter().enumerate() {
             if stop.is_asked() {
@@ -261,7 +262,7 @@ fn fingerprint(sources: &[SceneSource], session: &Session<'_>) -> Result<u64> {
         source.bytes().hash(&mut hasher);
     }
     let names: Vec<String> =
-        cases(session.asked.level, &session.places, true).iter().map(Contender::name).collect();
+        cases(session.asked.level, &session.places, [true; 2]).iter().map(Contender::name).collect();
     let is_quick = session.asked.level == Level::Quick;
     (env!("CARGO_PKG_VERSION"), names, session.rows, is_quick, session.asked.pictures).hash(&mut hasher);
     (rayon::current_num_threads(), processor()).hash(&mut hasher);

@@ -100,6 +100,11 @@ pub(super) fn can_march(scenes: &Scenes) -> bool {
     }
 }
 
+/// Whether its rows can be put into slices, panes aside.
+pub(super) fn has_slices(scenes: &Scenes) -> bool {
+    matches!(scenes, Scenes::LightMap(scene) if scene.surroundings.is_none())
+}
+
 /// The problem of a scene, or of its first stage. Its λ are numbers, and its solves end by tolerance or iterations alone.
 pub(super) fn problem(scenes: &Scenes) -> Result<AskedProblem> {
     let (mut quiet, stop) = (Quiet, Stop::default());

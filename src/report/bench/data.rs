@@ -33,7 +33,7 @@ pub struct Record {
     pub basis: String,
     /// `f32` or `f64`.
     pub precision: String,
-    /// `assembled` or `matrix-free`.
+    /// `assembled`, `matrix-free`, or `epipolar` for rows over slices.
     pub strategy: String,
     /// Rows of the sample.
     pub rows: u64,

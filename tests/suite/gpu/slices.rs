@@ -97,10 +97,10 @@ fn solves_are_corrected_on_an_adapter() {
     assert!((met(&found[0]) - met(&found[1])).abs() < 0.01, "{} and {}", met(&found[0]), met(&found[1]));
 }
 
-/// What methods on the adapter are off from themselves on the processor, root mean square and largest, relative to the brightest pixel.
-/// A step of a march may be lit there and dark here, where a surface is in the middle of it.
+/// What methods on the adapter are off from themselves on the processor, root mean square and for all but a thousandth of the channels,
+/// relative to the brightest pixel. Steps of a march may be lit there and dark here, where they are on the border of a texel.
 const PICTURES: [(DrawingMethod, [f64; 2]); 3] = [
-    (DrawingMethod::March { steps: 200 }, [1e-4, 2e-2]),
+    (DrawingMethod::March { steps: 200 }, [1e-4, 1e-3]),
     (DrawingMethod::Prefiltered { coefficients: 32 }, [1e-4, 1e-3]),
     (DrawingMethod::Epipolar { samples: 1024 }, [1e-6, 1e-5]),
 ];
@@ -127,10 +127,11 @@ fn methods_draw_on_an_adapter_what_they_draw_on_the_processor() {
                     let all = |image: &unscatter::scene::Image| image.pixels.concat();
                     let (found, expected) = (all(found), all(expected));
                     let brightest = expected.iter().copied().fold(0.0, f32::max);
-                    let off: Vec<f64> =
+                    let mut off: Vec<f64> =
                         found.iter().zip(&expected).map(|(a, b)| f64::from((a - b) / brightest)).collect();
                     let square = off.iter().map(|it| it * it).sum::<f64>() / off.len() as f64;
-                    let errors = [square.sqrt(), off.iter().map(|it| it.abs()).fold(0.0, f64::max)];
+                    off.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+                    let errors = [square.sqrt(), off[off.len() - off.len() / 1000 - 1].abs()];
                     assert!(
                         errors[0] <= bounds[0] && errors[1] <= bounds[1],
                         "{name}, {method}, {what}: {errors:?}"
