@@ -89,6 +89,8 @@ const AHEAD: f64 = 0.75;
 /// The part of the last true normal residual down to which it is iterated with before the truth is looked at again: by then the two have
 /// little in common.
 const LOOKED: f64 = 0.02;
+/// The part of what is left then that the tolerance is at most: nearer to it the look that confirms is enough.
+const FAR: f64 = 0.1;
 
 /// Runs a method until it should stop.
 ///
@@ -293,12 +295,11 @@ impl<O: LinearOperator> Judge<'_, O> {
 
     /// Whether an operator that is corrected has been iterated with so far that the truth is worth a look.
     fn has_gone_far(&self, history: &History) -> bool {
-        let normal = |last: &Progress| last.normal_residual.into_iter().fold(0.0, f64::max);
-        self.problem.is_corrected()
-            && history
-                .progress
-                .last()
-                .is_some_and(|last| normal(last) <= LOOKED * history.least_true.min(1.0))
+        let is_far = |last: &Progress| {
+            let normal = last.normal_residual.into_iter().fold(0.0, f64::max);
+            normal <= LOOKED * history.least_true.min(1.0) && self.asked() <= FAR * normal
+        };
+        self.problem.is_corrected() && history.progress.last().is_some_and(is_far)
     }
 
     /// The outcome, with the residuals computed anew; they stay in `r` and `s`.
