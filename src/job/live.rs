@@ -14,8 +14,9 @@ use crate::gpu::GpuOperator;
 use crate::march::EpipolarSettings;
 use crate::operator::{CpuVector, FromHost, NOWHERE, OnHost, Picked, Storage, TransportOperator};
 use crate::problem::{
-    Backdrop, Begin, Canvas, Constraint, Formulation, HeterogeneousAir, LightMapProblem, Painting, Paused,
-    Problem, Renderer, Snapshot, Solved, Traced, TransferFunction, fit, minimize, paint, pixels, render,
+    Backdrop, Begin, Canvas, Constraint, Drawing, Formulation, HeterogeneousAir, LightMapProblem, Painting,
+    Paused, Problem, Renderer, Snapshot, Solved, Traced, TransferFunction, fit, minimize, paint, pixels,
+    render,
 };
 use crate::scene::{Camera, Extent, Image, MapSettings, Rgb, Scene, SolveSettings, Strategy, Stroke, rgb};
 use crate::solve::{Control, StopReason};
@@ -403,11 +404,12 @@ impl LiveJob {
         Ok(render(&self.scene, &self.problem.maps, Some(&self.x), index)?.after)
     }
 
-    /// What a camera sees under the light map as it is, that is none of a view's.
+    /// What a camera sees under the light map as it is, that is none of a view's, as previews are [drawn](Drawing::preview).
     ///
     /// Units   radiance
     pub fn picture_from(&self, camera: &Camera) -> Result<Image> {
         let renderer = Renderer::new(&self.scene, &self.problem.maps, Some(&self.x))?;
+        let renderer = renderer.drawing(Drawing::preview(&self.problem.maps));
         Ok(renderer.picture_from(camera, "what the camera sees", &Canvas::Processor)?.after)
     }
 

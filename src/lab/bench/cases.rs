@@ -107,7 +107,6 @@ impl Contender {
             (Level::Usual, Task::Solve(..)) => exact || plain,
             (Level::Quick, Task::Product) => exact || self.precision == Precision::F32,
             (Level::Quick, Task::Solve(solver, _)) => {
-                let plain = plain || self.strategy == Strategy::Epipolar;
                 plain && self.basis == CaseBasis::Linear && (exact || solver == SolverName::default())
             }
         }

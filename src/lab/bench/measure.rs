@@ -226,7 +226,7 @@ impl CaseRun<'_> {
             strategy,
             rows: self.problem.rows() as u64,
             elements: operator.domain().len() as u64,
-            nonzeros: self.problem.plan().nonzeros,
+            nonzeros: self.near.unwrap_or(self.problem).plan().nonzeros,
             error: 0.0,
             adjoint_against_explicit: None,
             adjoint_error: None,
