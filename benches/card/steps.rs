@@ -28,6 +28,8 @@ impl Plan {
 const AIM_OF_A_RUN: f64 = 10e-3;
 /// An iteration over 6 pictures of 1920 × 1080.
 const AIM_OF_AN_ITERATION: f64 = 50e-3;
+/// T x over slices of as many pictures: 2 ms each, which prefiltered shadow maps take (Klehm et al. 2014).
+const AIM_OVER_SLICES: f64 = 12e-3;
 
 pub const STEPS: &[Plan] = &[
     Plan::new("doctor and check", 45, trials::doctor),
@@ -50,6 +52,9 @@ pub const STEPS: &[Plan] = &[
     Plan::new("fista", 60, |bundle, step| {
         kernels(bundle, step, "^light map.*: fista", Some(("rows kept: fista, a run of 32", AIM_OF_A_RUN)));
     }),
+    Plan::new("rows over slices", 40, |bundle, step| {
+        kernels(bundle, step, "^light map.*/over slices", None);
+    }),
     Plan::new("walked volumes", 60, |bundle, step| kernels(bundle, step, "^volume.*/walked", None)),
     Plan::new("whole solves", 100, trials::solves),
     Plan::new("checks of all scenes", 60, trials::checks),
@@ -67,6 +72,15 @@ pub const STEPS: &[Plan] = &[
         work: |bundle, step| {
             let aim = Some(("walked: iteration", AIM_OF_AN_ITERATION));
             measured(bundle, step, "large", "^light map.*/walked: iteration", aim);
+        },
+    },
+    Plan {
+        name: "six full pictures over slices",
+        seconds: 90,
+        in_dry: false,
+        work: |bundle, step| {
+            let aim = Some(("over slices: sweep_gather and sweep_shown", AIM_OVER_SLICES));
+            measured(bundle, step, "large", "^light map.*/over slices", aim);
         },
     },
 ];

@@ -59,7 +59,7 @@ pub fn slices(rates: &mut Rates, group: &str, gpu: &Gpu, field: &Field) {
         let exact = field.traversal();
         // Of a picture with as many pixels.
         let angle = 1.0 / (exact.rays().len() as f64).sqrt();
-        let rows = EpipolarTraversal::new(&exact, &|_| angle, EpipolarSettings::CORRECTED).unwrap();
+        let rows = EpipolarTraversal::new(&exact, &|_| angle, EpipolarSettings::default()).unwrap();
         (swept(gpu, &rows, true).unwrap(), rows.bytes())
     });
     let products: [(&str, Product); 2] = [

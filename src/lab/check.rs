@@ -75,24 +75,30 @@ fn checked(name: &str, problem: &dyn Problem, engine: &Engine) -> Result<Checked
     {
         verdicts.extend(verdicts_of(way, &problem.on_cpu(strategy, u64::MAX)?, &explicit)?);
     }
-    if let Some(Ok(sliced)) = problem.sliced(EpipolarSettings::default()) {
-        // Its rows are only near the exact ones, and a matrix of their own.
-        let own = sliced.explicit(NONZEROS)?;
-        verdicts.extend(verdicts_of("cpu, epipolar", &sliced.on_cpu(Strategy::MatrixFree, u64::MAX)?, &own)?);
+    // Rows over slices are only near the exact ones, and a matrix of their own.
+    let sliced = match problem.sliced(EpipolarSettings::default()) {
+        Some(Ok(sliced)) => Some((sliced.explicit(NONZEROS)?, sliced)),
+        _ => None,
+    };
+    if let Some((own, sliced)) = &sliced {
+        verdicts.extend(verdicts_of("cpu, epipolar", &sliced.on_cpu(Strategy::MatrixFree, u64::MAX)?, own)?);
     }
     #[cfg(feature = "gpu")]
     if let Some(gpu) = engine.gpu() {
-        for (way, strategy, deterministic) in [
-            ("gpu, assembled", Strategy::Assembled, false),
-            ("gpu, matrix-free", Strategy::MatrixFree, false),
-            ("gpu, fixed point", Strategy::MatrixFree, true),
-        ] {
+        let mut check = |way, strategy, deterministic, (problem, explicit): (&dyn Problem, &_)| {
             match problem.on_gpu(gpu, strategy, u64::MAX, deterministic) {
-                Ok(operator) => verdicts.extend(verdicts_of(way, &operator, &explicit)?),
+                Ok(operator) => verdicts.extend(verdicts_of(way, &operator, explicit)?),
                 // What is not possible is not wrong.
                 Err(error) if error.is_not_possible_here() => tracing::warn!("{way} is left out: {error}"),
                 Err(error) => return Err(error),
             }
+            Ok(())
+        };
+        check("gpu, assembled", Strategy::Assembled, false, (problem, &explicit))?;
+        check("gpu, matrix-free", Strategy::MatrixFree, false, (problem, &explicit))?;
+        check("gpu, fixed point", Strategy::MatrixFree, true, (problem, &explicit))?;
+        if let Some((own, sliced)) = &sliced {
+            check("gpu, epipolar", Strategy::MatrixFree, false, (&**sliced, own))?;
         }
     }
     #[cfg(not(feature = "gpu"))]

@@ -31,8 +31,9 @@ fn every_case_is_in_the_files_and_every_law_holds() {
     );
     let bench = desk.json("out/bench/bench.json");
     let records = bench["records"].as_array().unwrap();
-    // Products: two bases, two strategies, the exact one in two precisions and three marches. Nine solvers, and one with marches.
-    assert_eq!(records.len(), 2 * 2 * (2 + 3) + 9 + 3);
+    // Products: two bases, two strategies, the exact one in two precisions and three marches; over slices in two
+    // precisions. Nine solvers, and one with marches.
+    assert_eq!(records.len(), 2 * 2 * (2 + 3) + 2 * 2 + 9 + 3);
     assert_eq!(bench["held"]["hold"], bench["held"]["of"]);
     assert_eq!(bench["against"].as_array().unwrap().len(), 2 * 2 * 3);
     for record in records {

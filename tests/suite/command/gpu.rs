@@ -152,7 +152,7 @@ fn doctor_and_check_know_the_adapter() {
 
     let check = ["check", "scene.json", "--backend", "gpu", "--adapter", &adapter().name];
     let checked = desk.run_in(&check, &[]).exits_with(0).out;
-    for way in ["gpu, assembled", "gpu, matrix-free", "gpu, fixed point"] {
+    for way in ["gpu, assembled", "gpu, matrix-free", "gpu, fixed point", "gpu, epipolar"] {
         assert_eq!(checked.matches(way).count(), 3, "{checked}");
     }
 }
