@@ -9,17 +9,21 @@ use unscatter::problem::{
 use unscatter::scene::{Environment, Interpolation, Rgb};
 
 use crate::rates::{Rates, Work, by_the_clock};
-use crate::scenes::mist::{SHAFTS, scaled};
+use crate::scenes::mist::{Case, SHAFTS, scaled};
 use crate::scenes::volume::{Cloud, optics};
 
 /// A picture of shafts in mist that is 1280 × 896, and one of a cloud of 128³ voxels that is 640 × 360; for `shrunk` less of both.
 pub fn bench(rates: &mut Rates, gpu: &Gpu, shrunk: usize) {
     let ways = [("adapter", Canvas::Adapter(gpu.clone())), ("processor", Canvas::Processor)];
-    let shafts = LazyCell::new(|| {
-        let scene = scaled(&SHAFTS, 32 / shrunk);
-        let problem = LightMapProblem::new(&scene).unwrap();
-        let light: Vec<Rgb> = problem.starts().iter().map(|start| start.map(|value| 0.5 * value)).collect();
-        (scene, problem, light)
+    // Other methods than the exact one know no panes.
+    let [shafts, open] = [SHAFTS.panes, ""].map(|panes| {
+        LazyCell::new(move || {
+            let scene = scaled(&Case { panes, ..SHAFTS }, 32 / shrunk);
+            let problem = LightMapProblem::new(&scene).unwrap();
+            let light: Vec<Rgb> =
+                problem.starts().iter().map(|start| start.map(|value| 0.5 * value)).collect();
+            (scene, problem, light)
+        })
     });
     for (by, canvas) in &ways {
         rates.bench("pictures", &format!("light map: {by}"), || {
@@ -37,7 +41,7 @@ pub fn bench(rates: &mut Rates, gpu: &Gpu, shrunk: usize) {
     ] {
         for (by, canvas) in &ways {
             rates.bench("pictures", &format!("{name}: {by}"), || {
-                let (scene, problem, light) = &*shafts;
+                let (scene, problem, light) = &*open;
                 let renderer = Renderer::new(scene, &problem.maps, Some(light)).unwrap();
                 let renderer = renderer.drawing(Drawing { method, reduced: 1 });
                 let [width, height] = scene.views[0].camera.size();
