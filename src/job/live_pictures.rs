@@ -19,7 +19,7 @@ pub(super) struct Still {
     pub(super) rows: Vec<Vec<u32>>,
 }
 
-/// All previews under the light map as it is; made by [`LiveJob::pictures`].
+/// All previews under the light map as it is; made by [`LiveJob::pictures`](super::LiveJob::pictures).
 pub struct LivePictures<'a> {
     /// What is painted, with pictures of the preview's size.
     pub(super) scene: &'a Scene,

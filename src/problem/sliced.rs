@@ -6,7 +6,7 @@ use super::looked_for::{Nouns, explicit, row_of};
 use super::{Formulation, Problem, Solved, Unskipped};
 use crate::cpu::HostOperator;
 #[cfg(feature = "gpu")]
-use crate::gpu::{Gpu, GpuOperator, swept};
+use crate::gpu::{Gpu, GpuOperator, Kept, swept};
 use crate::march::{EpipolarSettings, EpipolarTraversal};
 use crate::operator::{CpuVector, OnHost, WalkPlan};
 use crate::scene::{Quadrature, Rgb, SolveSettings, Strategy};
@@ -106,6 +106,17 @@ impl Problem for SlicedProblem {
     #[cfg(feature = "gpu")]
     fn on_gpu(&self, gpu: &Gpu, strategy: Strategy, budget: u64, _: bool) -> Result<GpuOperator> {
         let is_grey = self.is_grey();
+        let samples = self.rows.fans().samples();
+        // Four texels each, once on the adapter and once on the processor while it is made.
+        let needed = 2 * Kept::bytes(4 * samples as u64, samples, self.rows.light_map().len(), 1);
+        if needed > budget {
+            return Err(Error::TooLarge {
+                what: "the samples of all slices on an adapter".to_owned(),
+                needed: format!("{needed} bytes"),
+                limit: format!("{budget} bytes"),
+                remedy: "raise solve.memory, lower the sizes, or compute on the processor",
+            });
+        }
         let swept = || swept(gpu, &self.rows, is_grey);
         on_gpu(&self.rows, (is_grey, &self.plan), gpu, (kept(strategy), budget), &swept)
     }

@@ -122,6 +122,11 @@ impl EpipolarTraversal {
         &self.fans
     }
 
+    /// The texels.
+    pub fn light_map(&self) -> &Grid {
+        &self.light_map
+    }
+
     /// Bytes that it takes.
     pub fn bytes(&self) -> u64 {
         self.fans.bytes() + size_of_val(&*self.places) as u64

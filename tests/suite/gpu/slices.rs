@@ -69,11 +69,15 @@ fn swept_rows_are_the_explicit_matrix() {
 
 #[test]
 #[ignore = "needs a graphics adapter; ./test.sh brings one"]
-fn rays_between_slices_are_refused() {
+fn what_an_adapter_cannot_sweep_is_refused() {
     let problem = LightMapProblem::new(&scene("nave", &SMALL)).unwrap();
     let sliced = near(&problem, EpipolarSettings { between: true, ..EpipolarSettings::default() });
     let refused = sliced.on_gpu(&gpu(), Strategy::MatrixFree, u64::MAX, false).unwrap_err().to_string();
     assert!(refused.contains("between two slices"), "{refused}");
+    let refused = near(&problem, EpipolarSettings::CORRECTED)
+        .on_gpu(&gpu(), Strategy::MatrixFree, 1 << 20, false)
+        .unwrap_err();
+    assert!(refused.is_not_possible_here() && refused.to_string().contains("solve.memory"), "{refused}");
 }
 
 /// A solve over slices on an adapter ends at a light map that the exact gradient certifies, as that on the processor does.
