@@ -36,7 +36,17 @@ pub fn page(bench: &Bench) -> Result<String> {
 }
 
 fn head(bench: &Bench) -> String {
-    let scenes = bench.scenes();
+    let mut scenes = bench.scenes();
+    scenes.extend(bench.pictures.iter().map(|picture| picture.scene.as_str()));
+    scenes.dedup();
+    let measured = match bench.pictures.len() as u64 {
+        0 => counted(bench.records.len() as u64, "case"),
+        pictures => counted(pictures, "picture"),
+    };
+    let laws = match bench.held.of {
+        0 => String::new(),
+        of => format!(" {} of {of} laws hold.", bench.held.hold),
+    };
     let on = match &bench.adapter {
         Some(adapter) => format!(", and {}", escaped(adapter)),
         None => String::new(),
@@ -47,15 +57,13 @@ fn head(bench: &Bench) -> String {
          <meta name=\"color-scheme\" content=\"light dark\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n<title>Benchmark · unscatter</title>\n\
          <style>\n{}{}</style>\n</head>\n<body>\n<main>\n<header>\n<p class=\"eyebrow\">unscatter bench</p>\n\
-         <h1>Run time against error</h1>\n<p class=\"summary\">{}: {} on {} with {}{on}. {} of {} laws hold.{}</p>\n</header>\n",
+         <h1>Run time against error</h1>\n<p class=\"summary\">{}: {} on {} with {}{on}.{laws}{}</p>\n</header>\n",
         include_str!("../page.css"),
         include_str!("page.css"),
         escaped(&scenes.join(", ")),
-        counted(bench.records.len() as u64, "case"),
+        measured,
         escaped(&bench.machine),
         counted(bench.threads as u64, "thread"),
-        bench.held.hold,
-        bench.held.of,
         if bench.complete { "" } else { " Interrupted: not every case was run." },
     )
 }
