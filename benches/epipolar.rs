@@ -13,7 +13,7 @@ use unscatter::io::scene_file::load;
 use unscatter::march::{
     EpipolarSettings, EpipolarTraversal, LightMapTransport, LightMapTraversal, Spacing, Traversal, ViewRay,
 };
-use unscatter::operator::TransportOperator;
+use unscatter::operator::{LinearOperator, TransportOperator};
 use unscatter::problem::{
     DrawingMethod, DrawnView, LightMapProblem, Maps, Problem, ScatteredView, Transports, fit, near, solve,
 };
@@ -284,6 +284,10 @@ fn six_views() {
     let sliced = near(&problem, Strategy::Epipolar).unwrap().unwrap();
     let over_slices = sliced.on_cpu(Strategy::Epipolar, budget).unwrap();
     let set_up = clock.elapsed().as_secs_f64();
+    let (mut shown, mut back) = (over_slices.range(), over_slices.domain());
+    let (_, forward) = timed(3, || over_slices.apply(&coverage, &mut shown).unwrap());
+    let (_, backward) = timed(3, || over_slices.apply_adjoint(&shown, &mut back).unwrap());
+    println!("products over slices: T x {forward:.2} s, Tᵀ y {backward:.2} s");
     let transports = Transports { exact: &exact, near: Some(&over_slices) };
     let clock = Instant::now();
     let solved =

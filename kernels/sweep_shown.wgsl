@@ -9,7 +9,7 @@ fn main(
     @builtin(global_invocation_id) id: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    let lane = id.y * groups.x * RAYS + id.x;
+    let lane = lane_of(id, groups);
     if lane >= params.rays * params.channels {
         return;
     }

@@ -17,7 +17,7 @@ pub fn example() -> Report {
             "strokes[3] of view `aisle` lies in shadow: no light reaches any of its 212 pixels",
             "paint where light is seen, or take it away",
         )],
-        hue: Some(HueAngles { median: 3.1, nine_tenths: 11.4 }),
+        hue: Some(HueAngles { median: 3.1, nine_tenths: 11.32 }),
         light: Some(LightRecord { brightest: 1.0, outside: 0.012, held_back: 0.002 }),
         out_of_reach: WishShares::default(),
         stages: Vec::new(),

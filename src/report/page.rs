@@ -47,7 +47,7 @@ fn summary(report: &Report) -> String {
             format!(
                 ", hue is off by {} in the middle and by less than {} in nine of ten pixels",
                 degrees(median),
-                degrees(nine_tenths)
+                degrees((10.0 * nine_tenths).ceil() / 10.0)
             )
         }
         None => String::new(),

@@ -15,7 +15,7 @@ use crate::{Error, Result};
 ///
 /// Where that no longer brings much, Â itself is iterated with.
 ///
-/// Cost    one application of Â and of Âᵀ a look
+/// Cost    one application of each a look, and one of A and of Aᵀ more where a solve goes on from there
 pub struct Correction<'a, O: LinearOperator> {
     exact: &'a dyn LinearOperator<Domain = O::Domain, Range = O::Range>,
     defect: RefCell<Defect<O>>,
@@ -23,12 +23,10 @@ pub struct Correction<'a, O: LinearOperator> {
     is_exact: Cell<bool>,
 }
 
-/// d and c, and room to find them.
+/// d and c.
 pub(super) struct Defect<O: LinearOperator> {
     pub(super) of_rows: O::Range,
     pub(super) of_elements: O::Domain,
-    pub(super) row_room: O::Range,
-    pub(super) element_room: O::Domain,
 }
 
 impl<O: LinearOperator> std::fmt::Debug for Correction<'_, O> {
@@ -39,13 +37,11 @@ impl<O: LinearOperator> std::fmt::Debug for Correction<'_, O> {
 
 impl<'a, O: LinearOperator> Correction<'a, O> {
     /// The vectors that it keeps.
-    pub const VECTORS: Vectors = Vectors { domain: 2, range: 2 };
+    pub const VECTORS: Vectors = Vectors { domain: 1, range: 1 };
 
     /// As if both were alike, until they are looked at.
     pub fn new(exact: &'a dyn LinearOperator<Domain = O::Domain, Range = O::Range>) -> Self {
-        let (rows, elements) = (|| exact.range(), || exact.domain());
-        let defect =
-            Defect { of_rows: rows(), of_elements: elements(), row_room: rows(), element_room: elements() };
+        let defect = Defect { of_rows: exact.range(), of_elements: exact.domain() };
         Self { exact, defect: RefCell::new(defect), is_exact: Cell::new(false) }
     }
 

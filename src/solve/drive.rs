@@ -157,6 +157,7 @@ pub fn drive<O: LinearOperator, M: Method<O> + ?Sized>(
             history.restarts += 1;
             history.settled = [false; 3];
             history.progressing = Progressing::START;
+            problem.correct(method.solution(), (&judge.r, &judge.s))?;
             judge.s.copy_from(method.solution());
             method.begin(problem, &judge.s)?;
             judge.settle_by_tolerance(&mut history, method.measure());
@@ -309,9 +310,7 @@ impl<O: LinearOperator> Judge<'_, O> {
         history: &History,
         reason: StopReason,
     ) -> Result<Outcome> {
-        self.problem.look_at(method.solution())?;
-        self.problem.residual(method.solution(), &mut self.r)?;
-        self.problem.gradient(&self.r, &mut self.s)?;
+        self.problem.truth_at(method.solution(), &mut self.r, &mut self.s)?;
         let bounds = if method.keeps_bounds() { self.problem.bounds() } else { &Bounds::NONE };
         let residual = self.r.dot_later(&self.r)?;
         let normal_residual = self.s.projected_norm_squared_later(method.solution(), bounds)?;

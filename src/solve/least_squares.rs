@@ -75,19 +75,30 @@ impl<'a, O: LinearOperator> LeastSquares<'a, O> {
         self.correction().inspect(|correction| correction.give_up()).is_some()
     }
 
-    /// Makes residual and gradient at x those of the exact operator, where there is one.
-    pub(super) fn look_at(&self, x: &O::Domain) -> Result<()> {
-        let Some(correction) = self.correction() else { return Ok(()) };
-        let Defect { of_rows, of_elements, row_room, element_room } = &mut *correction.defect();
+    /// The residual `r = b − Â x` and the gradient `g = −Âᵀ r` of the exact operator.
+    pub(super) fn truth_at(&self, x: &O::Domain, r: &mut O::Range, g: &mut O::Domain) -> Result<()> {
+        let Some(correction) = self.correction() else {
+            self.residual(x, r)?;
+            return self.gradient(r, g);
+        };
         self.applications.set(self.applications.get() + 2);
-        correction.exact().apply(x, of_rows)?;
-        row_room.copy_from(of_rows);
-        row_room.axpby([1.0; 3], self.rhs, [-1.0; 3]);
-        correction.exact().apply_adjoint(row_room, of_elements)?;
-        self.apply_adjoint(row_room, element_room)?;
-        of_elements.axpby([-1.0; 3], element_room, [1.0; 3]);
-        self.apply(x, row_room)?;
-        of_rows.axpby([-1.0; 3], row_room, [1.0; 3]);
+        correction.exact().apply(x, r)?;
+        r.axpby([1.0; 3], self.rhs, [-1.0; 3]);
+        correction.exact().apply_adjoint(r, g)?;
+        g.scale([-1.0; 3]);
+        Ok(())
+    }
+
+    /// Makes residual and gradient at x what they truly are there: [`Self::truth_at`] has told.
+    pub(super) fn correct(&self, x: &O::Domain, (r, g): (&O::Range, &O::Domain)) -> Result<()> {
+        let Some(correction) = self.correction() else { return Ok(()) };
+        let Defect { of_rows, of_elements } = &mut *correction.defect();
+        // Â x is b − r, and Âᵀ r is −g.
+        self.apply(x, of_rows)?;
+        of_rows.axpby([1.0; 3], self.rhs, [-1.0; 3]);
+        of_rows.axpby([-1.0; 3], r, [1.0; 3]);
+        self.apply_adjoint(r, of_elements)?;
+        of_elements.axpby([-1.0; 3], g, [-1.0; 3]);
         Ok(())
     }
 

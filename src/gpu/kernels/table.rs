@@ -1,7 +1,7 @@
 //! The table of kernels. A kernel is one row here, and one file of `kernels/` with its operation.
 
 use super::access::Access;
-use super::variant::{Variant, deposits, gathers, of_rays, plain, rows, tiles};
+use super::variant::{Variant, deposits, gathers, of_lanes, plain, rows, tiles};
 
 /// A kernel as the table has it.
 pub(super) struct KernelRow {
@@ -70,13 +70,13 @@ kernels! {
     Interleave: "interleave", [Write Read], ["vector_params"], plain, "operator/cpu_vector" "to_host";
     Rows: "rows", [Write Read Write Read Read Read Read], [], rows, "cpu/products" "gather";
     Tiles: "tiles", [Write Read Read Read Read Read], [], tiles, "cpu/tiles" "sweep";
-    SweepGather: "sweep_gather", [Write Write Read Read Read Read Read], ["extinguished" "sweep"], of_rays, "march/epipolar/fan" "gather_terms";
-    SweepShown: "sweep_shown", [Write Read Read Read], ["extinguished" "sweep"], of_rays, "march/epipolar/fan" "gather_terms";
-    SweepScatter: "sweep_scatter", [Write Write Read Read Read Read Read], ["extinguished" "sweep"], of_rays, "march/epipolar/fan" "scatter_terms";
-    SweepSpread: "sweep_spread", [Write Read Read Read], ["extinguished" "sweep"], of_rays, "march/epipolar/fan" "scatter_terms";
-    PrefilterSums: "prefilter_sums", [Write Read Read Read], ["extinguished" "prefilter"], of_rays, "march/epipolar/prefiltered" "sum";
-    PrefilterShown: "prefilter_shown", [Write Read Read], ["extinguished" "prefilter"], of_rays, "march/epipolar/prefiltered" "visible";
-    March: "march", [Write Read Read Read], ["extinguished"], of_rays, "problem/drawing/marched" "of_ray";
+    SweepGather: "sweep_gather", [Write Write Read Read Read Read Read], ["extinguished" "sweep"], of_lanes, "march/epipolar/fan" "gather_terms";
+    SweepShown: "sweep_shown", [Write Read Read Read], ["extinguished" "sweep"], of_lanes, "march/epipolar/fan" "gather_terms";
+    SweepScatter: "sweep_scatter", [Write Write Read Read Read Read Read], ["extinguished" "sweep"], of_lanes, "march/epipolar/fan" "scatter_terms";
+    SweepSpread: "sweep_spread", [Write Read Read Read], ["extinguished" "sweep"], of_lanes, "march/epipolar/fan" "scatter_terms";
+    PrefilterSums: "prefilter_sums", [Write Read Read Read], ["extinguished" "prefilter"], of_lanes, "march/epipolar/prefiltered" "sum";
+    PrefilterShown: "prefilter_shown", [Write Read Read], ["extinguished" "prefilter"], of_lanes, "march/epipolar/prefiltered" "visible";
+    March: "march", [Write Read Read Read], ["extinguished"], of_lanes, "problem/drawing/marched" "of_ray";
     // The traversals, compiled into what consumes them. A variant is a traversal, and adds its rays and what they pass through.
     Gather: "gather", [Write Read], [], gathers, "march/mod" "gathered";
     Scatter: "scatter", [Read], [], deposits, "cpu/transport" "apply_adjoint";

@@ -38,7 +38,7 @@ pub(in crate::gpu) enum Variant {
         held: bool,
     },
     /// Of what takes rays or fans lane by lane.
-    Rays,
+    Lanes,
     /// Of a traversal: how rays are walked, and how deposits are added up where there are any.
     Walk(Walk, Option<Accumulation>),
 }
@@ -66,8 +66,8 @@ pub(super) fn plain() -> Vec<Variant> {
     vec![Variant::Plain]
 }
 
-pub(super) fn of_rays() -> Vec<Variant> {
-    vec![Variant::Rays]
+pub(super) fn of_lanes() -> Vec<Variant> {
+    vec![Variant::Lanes]
 }
 
 /// Whether weights are coloured, and channels at once.
@@ -156,6 +156,7 @@ impl Variant {
             Self::Walk(walk, accumulation) => (walk, accumulation),
             Self::Rows { interleaved: true, .. } => return vec![prelude!("interleaved")],
             Self::Rows { .. } => return vec![prelude!("planes")],
+            Self::Lanes => return vec![prelude!("lanes")],
             _ => return Vec::new(),
         };
         let mut texts = match walk {
@@ -187,7 +188,7 @@ impl Variant {
     pub(super) fn constants(self) -> Vec<String> {
         match self {
             Self::Plain => Vec::new(),
-            Self::Rays => {
+            Self::Lanes => {
                 vec![constant("RAYS", "u32", RAYS), series("series_0", &SERIES_0[..SERIES])]
             }
             Self::Rows { colored, channels, squared, .. } => vec![

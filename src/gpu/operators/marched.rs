@@ -129,7 +129,7 @@ impl LightPicture for MarchedPicture {
                 };
                 let bindings =
                     [bound(&y, self.rows), records.whole(), self.depths.whole(), bound(x, self.texels + 1)];
-                let program = Program::new(Kernel::March, Variant::Rays);
+                let program = Program::new(Kernel::March, Variant::Lanes);
                 self.gpu.dispatch(program, &params, &[&bindings], self.gpu.grid(*rays, RAYS));
                 self.gpu.hand_over();
             }

@@ -10,7 +10,7 @@ use super::edges::Edges;
 use super::expansion::Expansion;
 use super::sliced_rays::{EpipolarSettings, SlicedRays};
 use super::slices::PolarRay;
-use super::tree::{Sums, per_terms};
+use super::sums::{BLOCK, Room, Sums, per_terms};
 use crate::scene::Extent;
 use crate::visibility::ShadowMap;
 
@@ -111,7 +111,7 @@ pub(super) struct Sweep<X> {
     pub(super) samples: Vec<[X; 4]>,
     /// The same times what the terms of the expansion are there.
     terms: Vec<[X; 4]>,
-    sums: Vec<[X; 4]>,
+    sums: Room<X>,
 }
 
 impl<X: Real> Sweep<X> {
@@ -238,32 +238,43 @@ impl Fan {
     }
 
     /// Of each needed sample and term in turn the weight `e^{−σ q_m a} − e^{−σ q_m b}` between its edges a and b.
-    fn weights<const M: usize>(&self, sigma_t: [f64; 3], mut visit: impl FnMut(usize, &[[f64; 3]; M])) {
+    fn weights<X: Real, const M: usize>(
+        &self,
+        sigma_t: [f64; 3],
+        mut visit: impl FnMut(usize, &[[X; 4]; M]),
+    ) {
         let nodes = self.expansion.nodes();
-        let of = |value: &dyn Fn(f64, f64) -> f64| -> [[f64; 3]; M] {
-            std::array::from_fn(|m| sigma_t.map(|sigma| value(sigma, nodes[m])))
+        let of = |value: &dyn Fn(f64, f64) -> f64| -> [[f64; 4]; M] {
+            std::array::from_fn(|m| {
+                let [r, g, b] = sigma_t.map(|sigma| value(sigma, nodes[m]));
+                [r, g, b, 0.0]
+            })
         };
         let between =
             |a: f64, b: f64| of(&|sigma, q| (-sigma * q * a).exp() * -(-sigma * q * (b - a)).exp_m1());
+        let single = |values: &[[f64; 4]; M]| values.map(|value| value.map(X::of));
         let Some(step) = self.edges.step() else {
             for (number, &sample) in self.needed.iter().enumerate() {
                 let [a, b] = [0, 1].map(|next| self.edges.edge(usize::from(sample) + next));
-                visit(number, &between(a, b));
+                visit(number, &single(&between(a, b)));
             }
             return;
         };
-        // From one even sample to the next all weights fall by the same part.
-        let ratios = of(&|sigma, q| (-sigma * q * step).exp());
-        let mut weights = between(self.edges.first, self.edges.first + step);
-        let mut at = 0;
+        // From one even sample to the next all weights fall by the same part: what those of a block are of its first.
+        let parts: [_; BLOCK] =
+            std::array::from_fn(|k| single(&of(&|sigma, q| (-sigma * q * step * k as f64).exp())));
+        let part = of(&|sigma, q| (-sigma * q * step * BLOCK as f64).exp());
+        let (mut block, mut weights) = (0, between(self.edges.first, self.edges.first + step));
+        let mut first = single(&weights);
         for (number, &sample) in self.needed.iter().enumerate() {
-            for _ in at..sample {
-                for (weight, ratio) in weights.iter_mut().zip(&ratios) {
-                    (0..3).for_each(|c| weight[c] *= ratio[c]);
+            let sample = usize::from(sample);
+            if block < sample / BLOCK {
+                for _ in block..sample / BLOCK {
+                    weights = times(&weights, &part);
                 }
+                (block, first) = (sample / BLOCK, single(&weights));
             }
-            at = sample;
-            visit(number, &weights);
+            visit(number, &times(&first, &parts[sample % BLOCK]));
         }
     }
 
@@ -275,23 +286,11 @@ impl Fan {
     fn gather_terms<X: Real, const M: usize>(&self, of: FanRays, sweep: &mut Sweep<X>, shown: &mut [[X; 4]]) {
         let Sweep { samples, terms, sums } = sweep;
         terms.clear();
-        self.weights::<M>(of.sigma_t, |j, weights| {
-            let light = samples[j];
-            let times = |weight: &[f64; 3]| {
-                [
-                    X::of(weight[0]) * light[0],
-                    X::of(weight[1]) * light[1],
-                    X::of(weight[2]) * light[2],
-                    X::zero(),
-                ]
-            };
-            terms.extend(weights.iter().map(times));
-        });
-        let mut sums = Sums::<X, M>::new(sums, samples.len());
-        let (mut next, terms) = (0, terms.as_chunks::<M>().0);
+        self.weights::<X, M>(of.sigma_t, |j, weights| terms.extend(times(weights, &[samples[j]; M])));
+        let (mut next, mut sums) = (0, Sums::<X, M>::new(terms, sums));
         for ((ray, shown), a) in of.rays.iter().zip(shown).zip(self.coefficients.as_chunks::<M>().0) {
             while let Some(&j) = self.order.get(next).filter(|&&j| self.slope(j) >= ray.kappa) {
-                sums.add(usize::from(j), &terms[usize::from(j)]);
+                sums.switch_on(usize::from(j));
                 next += 1;
             }
             let mut sum = [X::zero(); 4];
@@ -326,12 +325,12 @@ impl Fan {
         let Sweep { samples, terms, sums } = sweep;
         terms.clear();
         terms.resize(samples.len() * M, [X::zero(); 4]);
-        let mut sums = Sums::<X, M>::new(sums, samples.len());
-        let (mut lit, terms) = (self.order.len(), terms.as_chunks_mut::<M>().0);
+        let (mut lit, mut sums) = (self.order.len(), Sums::<X, M>::new(terms, sums));
+        sums.begin(&self.order);
         let rays = of.rays.iter().zip(self.coefficients.as_chunks::<M>().0);
         for (ray, a) in rays.rev() {
             while let Some(&j) = self.order[..lit].last().filter(|&&j| self.slope(j) < ray.kappa) {
-                terms[usize::from(j)] = sums.behind(usize::from(j));
+                sums.switch_off(usize::from(j));
                 lit -= 1;
             }
             let y = y(ray);
@@ -347,12 +346,11 @@ impl Fan {
                 (0..3).for_each(|c| sample[c] += X::of(f64::from(ray.tail[c])) * y[c]);
             }
         }
-        for &j in &self.order[..lit] {
-            terms[usize::from(j)] = sums.behind(usize::from(j));
-        }
-        self.weights::<M>(of.sigma_t, |j, weights| {
-            for (weight, term) in weights.iter().zip(&terms[j]) {
-                (0..3).for_each(|c| samples[j][c] += X::of(weight[c]) * term[c]);
+        self.order[..lit].iter().for_each(|&j| sums.switch_off(usize::from(j)));
+        let terms = terms.as_chunks::<M>().0;
+        self.weights::<X, M>(of.sigma_t, |j, weights| {
+            for arrived in times(weights, &terms[j]) {
+                (0..4).for_each(|c| samples[j][c] += arrived[c]);
             }
         });
     }
@@ -363,7 +361,7 @@ impl Fan {
         let ray = &of.rays[ray];
         let (whole, last) = (ray.whole as usize, ray.last as usize);
         let scattering = ray.scattering.map(f64::from);
-        per_terms!(terms, M => self.weights::<M>(of.sigma_t, |j, weights| {
+        per_terms!(terms, M => self.weights::<f64, M>(of.sigma_t, |j, weights| {
             if j < whole && ray.kappa <= self.slope(j as u16) {
                 let sum = |c: usize| weights.iter().zip(a).map(|(weight, a)| f64::from(*a) * weight[c]).sum::<f64>();
                 visit(j, std::array::from_fn(|c| scattering[c] * sum(c)));
@@ -452,6 +450,11 @@ impl Fan {
     pub fn last(&self) -> f64 {
         self.edges.last
     }
+}
+
+#[inline(always)]
+fn times<X: Real, const M: usize>(a: &[[X; 4]; M], b: &[[X; 4]; M]) -> [[X; 4]; M] {
+    std::array::from_fn(|m| std::array::from_fn(|c| a[m][c] * b[m][c]))
 }
 
 /// Depth of the first surface in the frame of the light, in metres; infinite where nothing blocks it.

@@ -8,6 +8,9 @@ use super::fan::{Fan, FanRay, FanRays, Sweep};
 use super::sliced_rays::{EpipolarSettings, SlicedRays};
 use super::slices::{PolarRay, Slices};
 
+/// Fans from which light is scattered before it is spread over texels: their samples stay in the cache.
+const FANS_AT_ONCE: usize = 128;
+
 /// Fans of all rays that show anything.
 #[derive(Debug, Clone)]
 pub struct Fans {
@@ -91,7 +94,7 @@ impl Fans {
     /// E x̂: what every ray shows of the light at the [needed](Fan::needed) samples of its fan, which `light` puts there. The rays are those of
     /// [`Self::rays`], in their order.
     ///
-    /// Cost    O(log n) a ray and a sample, times the terms of the expansion
+    /// Cost    that of `sums.rs` a ray and a sample, times the terms of the expansion
     pub fn gather<X: Real>(&self, light: &(dyn Fn(&Fan, &mut [[X; 4]]) + Sync)) -> Vec<[X; 4]> {
         let mut shown = vec![[X::zero(); 4]; self.rays.len()];
         let parts: Vec<(&Fan, &mut [[X; 4]])> = self.with_parts(&mut shown);
@@ -103,14 +106,29 @@ impl Fans {
         shown
     }
 
-    /// Eᵀ y: what arrives at the [needed](Fan::needed) samples of every fan from such numbers of its rays, in their order.
-    pub fn scatter<X: Real>(&self, y: &(dyn Fn(&FanRay) -> [X; 3] + Sync)) -> Vec<Vec<[X; 4]>> {
-        let scatter = |sweep: &mut Sweep<X>, fan: &Fan| {
-            sweep.samples(fan.needed().len());
-            fan.scatter(self.of(fan), sweep, y);
-            sweep.samples.clone()
-        };
-        self.fans.par_iter().map_init(Sweep::default, scatter).collect()
+    /// Eᵀ y: visits fans, some at a time and in their order, with what arrives at the [needed](Fan::needed) samples of each.
+    pub fn scatter<X: Real>(
+        &self,
+        y: &(dyn Fn(&FanRay) -> [X; 3] + Sync),
+        visit: &mut dyn FnMut(&[Fan], &[Vec<[X; 4]>]),
+    ) {
+        let mut arrived = vec![Vec::new(); FANS_AT_ONCE.min(self.fans.len())];
+        for fans in self.fans.chunks(FANS_AT_ONCE) {
+            let scatter = |sweep: &mut Sweep<X>, (fan, arrived): (&Fan, &mut Vec<[X; 4]>)| {
+                std::mem::swap(&mut sweep.samples, arrived);
+                sweep.samples(fan.needed().len());
+                fan.scatter(self.of(fan), sweep, y);
+                std::mem::swap(&mut sweep.samples, arrived);
+            };
+            fans.par_iter().zip(&mut arrived).for_each_init(Sweep::default, scatter);
+            visit(fans, &arrived[..fans.len()]);
+        }
+    }
+
+    /// The most samples that [`Self::scatter`] has at a time.
+    pub fn samples_at_once(&self) -> usize {
+        let samples = |fans: &[Fan]| fans.iter().map(|fan| fan.needed().len()).sum();
+        self.fans.chunks(FANS_AT_ONCE).map(samples).max().unwrap_or(0)
     }
 
     /// Adds what all rays show of light before the first sample of their fan and behind the last one.

@@ -10,8 +10,8 @@
 //! ```
 //!
 //! with [a_j, b_j] the edges of the sample and S the texels' basis there. Sorted by κ and c, these are sums over a prefix of a prefix; with
-//! the transmittance expanded in few products (`expansion.rs`) a sweep with trees of partial sums takes O(log n) a ray
-//! (`fans.rs`). Its transpose is the same sweep backwards, so T = E S and Tᵀ = Sᵀ Eᵀ match to rounding.
+//! the transmittance expanded in few products (`expansion.rs`) a sweep with sums over blocks of samples takes a few steps a ray
+//! and a sample (`sums.rs`). Its transpose is the same sweep backwards, so T = E S and Tᵀ = Sᵀ Eᵀ match to rounding.
 //!
 //! What is approximate: a ray takes the slice that is nearest to it, at most half a pixel away; shadow and light are sampled in the middle
 //! of samples; and the expansion is cut at a tolerance. Min-max trees (Chen et al. 2011) and prefilters (Klehm et al. 2014) work on the same slices.
@@ -24,9 +24,9 @@ mod min_max;
 mod prefiltered;
 mod sliced_rays;
 mod slices;
+mod sums;
 #[cfg(test)]
 mod tests;
-mod tree;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -59,7 +59,7 @@ const NEARBY: usize = 12;
 /// Shapes  rows: view rays; elements: texels of the light map
 /// Units   weights: dimensionless a steradian, as those of [`LightMapTraversal`]
 /// Law     [`Traversal::walk`], gathers and scatters are the same matrix to rounding
-/// Cost    O(log n) a ray and a sample, whatever the map; memory is that of samples and rays, not of non-zeros
+/// Cost    a sample three steps and a ray 30 to 100 (`sums.rs`), whatever the map; memory is that of samples and rays, not of non-zeros
 #[derive(Debug, Clone)]
 pub struct EpipolarTraversal {
     fans: Arc<Fans>,
@@ -132,9 +132,10 @@ impl EpipolarTraversal {
         self.fans.bytes() + size_of_val(&*self.places) as u64
     }
 
-    /// Bytes that the samples of all slices take while products with them are made.
+    /// Bytes that samples, rays and texels take while products with them are made.
     pub fn room_bytes(&self) -> u64 {
-        ((self.fans.samples() + self.fans.rays().len()) * size_of::<[f32; 4]>()) as u64
+        let values = self.fans.samples_at_once() + self.fans.rays().len() + self.light_map.len();
+        (values * size_of::<[f32; 4]>()) as u64
     }
 
     /// T x of all rows, in the order of their numbers.
@@ -160,18 +161,18 @@ impl EpipolarTraversal {
         which: impl Iterator<Item = usize>,
         samples: &mut [[X; 4]],
     ) {
-        let [enter, leave] = fan.across(self.light_map.extent).unwrap_or([f64::INFINITY; 2]);
-        let [r, g, b] = outside;
-        let is_beside = |xi: f64| xi < enter || xi > leave;
-        let which: Vec<usize> = which.collect();
-        for (&j, sample) in which.iter().zip(&mut *samples).filter(|(j, _)| is_beside(fan.middle(**j))) {
+        let ([r, g, b], is_beside) = (outside, self.beside(fan));
+        let mut inside = Vec::with_capacity(samples.len());
+        for (j, sample) in which.zip(samples) {
             debug_assert!(j < fan.slopes.len());
-            *sample = [r, g, b, X::zero()];
+            match is_beside(fan.middle(j)) {
+                true => *sample = [r, g, b, X::zero()],
+                false => inside.push((j, sample)),
+            }
         }
-        let inside = which.into_iter().zip(samples).filter(|(j, _)| !is_beside(fan.middle(*j)));
         match self.basis {
-            Basis::Nearest => self.sampled::<X, 1, NearestTexel>(x, fan, inside),
-            Basis::Bilinear => self.sampled::<X, 4, Bilinear>(x, fan, inside),
+            Basis::Nearest => self.sampled::<X, 3, 1, NearestTexel>(x, fan, inside.into_iter()),
+            Basis::Bilinear => self.sampled::<X, 3, 4, Bilinear>(x, fan, inside.into_iter()),
         }
     }
 
@@ -194,10 +195,10 @@ impl EpipolarTraversal {
         samples: impl Iterator<Item = usize>,
         visit: &mut impl FnMut(&[(usize, f64)]),
     ) {
-        let [enter, leave] = fan.across(self.light_map.extent).unwrap_or([f64::INFINITY; 2]);
+        let is_beside = self.beside(fan);
         let (cells, size) = (self.cells::<1, N, B>(fan), self.light_map.size);
         for xi in samples.map(|sample| fan.middle(sample)) {
-            if xi < enter || xi > leave {
+            if is_beside(xi) {
                 visit(&[]);
                 continue;
             }
@@ -208,6 +209,12 @@ impl EpipolarTraversal {
         }
     }
 
+    /// Whether a ξ of a fan is beside the light map.
+    fn beside(&self, fan: &Fan) -> impl Fn(f64) -> bool {
+        let [enter, leave] = fan.across(self.light_map.extent).unwrap_or([f64::INFINITY; 2]);
+        move |xi| xi < enter || xi > leave
+    }
+
     /// Whether each row is one ray.
     pub fn has_one_ray_a_row(&self) -> bool {
         self.places.iter().all(|[_, second]| *second == NOWHERE)
@@ -215,19 +222,20 @@ impl EpipolarTraversal {
 
     /// E S x of the rays of all fans.
     fn of_fans<X: Real>(&self, x: &[[X; 3]]) -> Vec<[X; 4]> {
+        let x: Vec<_> = x.par_iter().map(|&[r, g, b]| [r, g, b, X::zero()]).collect();
         self.fans.gather::<X>(&|fan, samples| {
             let samples = fan.needed().iter().copied().map(usize::from).zip(samples);
             match self.basis {
-                Basis::Nearest => self.sampled::<X, 1, NearestTexel>(x, fan, samples),
-                Basis::Bilinear => self.sampled::<X, 4, Bilinear>(x, fan, samples),
+                Basis::Nearest => self.sampled::<X, 4, 1, NearestTexel>(&x, fan, samples),
+                Basis::Bilinear => self.sampled::<X, 4, 4, Bilinear>(&x, fan, samples),
             }
         })
     }
 
-    /// Adds S x to samples, each with its number.
-    fn sampled<'s, X: Real, const N: usize, B: TexelBasis<f64, 1, N>>(
+    /// Adds S x to samples, each with its number; x has K numbers a texel.
+    fn sampled<'s, X: Real, const K: usize, const N: usize, B: TexelBasis<f64, 1, N>>(
         &self,
-        x: &[[X; 3]],
+        x: &[[X; K]],
         fan: &Fan,
         samples: impl Iterator<Item = (usize, &'s mut [X; 4])>,
     ) {
@@ -236,7 +244,7 @@ impl EpipolarTraversal {
             let piece = cells.at(fan.middle(j));
             for (number, weight) in B::sample(&piece, size).into_iter().enumerate() {
                 let (weight, texel) = (X::of(weight), x[B::texel(piece.cell, number, size)]);
-                (0..3).for_each(|c| sample[c] += weight * texel[c]);
+                (0..K).for_each(|c| sample[c] += weight * texel[c]);
             }
         }
     }
@@ -248,24 +256,27 @@ impl EpipolarTraversal {
         TexelRay::new(&line, &self.light_map, B::SHIFT, B::EXTRA)
     }
 
-    /// Sᵀ of what has arrived at the samples of all fans.
+    /// Sᵀ Eᵀ of what the rays of the fans are given.
     ///
     /// Each task alone writes to some rows of texels, and takes the fans and their samples in order: the same sums for any number of
     /// threads.
-    fn spread<X: Real>(&self, samples: &[Vec<[X; 4]>]) -> Vec<[X; 3]> {
+    fn spread<X: Real>(&self, y: &(dyn Fn(&FanRay) -> [X; 3] + Sync)) -> Vec<[X; 3]> {
         let [width, height] = self.light_map.size;
-        let mut x = vec![[X::zero(); 3]; width * height];
+        // Written by all threads before anything is read: pages that are first read are faulted in twice.
+        let mut x: Vec<_> = (0..width * height).into_par_iter().map(|_| [X::zero(); 4]).collect();
         let rows_at_once = height.div_ceil(PIECES * rayon::current_num_threads());
-        x.par_chunks_mut(width * rows_at_once).enumerate().for_each(|(piece, x)| {
-            let rows = piece * rows_at_once..piece * rows_at_once + x.len() / width;
-            for (fan, samples) in self.fans.fans().iter().zip(samples) {
-                match self.basis {
-                    Basis::Nearest => self.spread_in::<X, 1, NearestTexel>(fan, samples, &rows, x),
-                    Basis::Bilinear => self.spread_in::<X, 4, Bilinear>(fan, samples, &rows, x),
+        self.fans.scatter(y, &mut |fans, samples| {
+            x.par_chunks_mut(width * rows_at_once).enumerate().for_each(|(piece, x)| {
+                let rows = piece * rows_at_once..piece * rows_at_once + x.len() / width;
+                for (fan, samples) in fans.iter().zip(samples) {
+                    match self.basis {
+                        Basis::Nearest => self.spread_in::<X, 1, NearestTexel>(fan, samples, &rows, x),
+                        Basis::Bilinear => self.spread_in::<X, 4, Bilinear>(fan, samples, &rows, x),
+                    }
                 }
-            }
+            });
         });
-        x
+        x.into_par_iter().map(|[r, g, b, _]| [r, g, b]).collect()
     }
 
     fn spread_in<X: Real, const N: usize, B: TexelBasis<f64, 1, N>>(
@@ -273,7 +284,7 @@ impl EpipolarTraversal {
         fan: &Fan,
         samples: &[[X; 4]],
         rows: &Range<usize>,
-        x: &mut [[X; 3]],
+        x: &mut [[X; 4]],
     ) {
         let near = near(fan, &self.light_map, rows);
         if near.is_empty() {
@@ -289,7 +300,7 @@ impl EpipolarTraversal {
                     continue;
                 };
                 let weight = X::of(weight);
-                (0..3).for_each(|c| element[c] += weight * value[c]);
+                (0..4).for_each(|c| element[c] += weight * value[c]);
             }
         }
     }
@@ -388,7 +399,7 @@ impl<F: Real, const C: usize> Traversal<F, C> for EpipolarTraversal {
         for (row, value) in (0..rows).map(y) {
             of_rows[row] = value;
         }
-        Some(self.spread(&self.fans.scatter::<X>(&|ray| of_rows[ray.row as usize])))
+        Some(self.spread(&|ray| of_rows[ray.row as usize]))
     }
 }
 

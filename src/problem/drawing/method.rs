@@ -39,7 +39,7 @@ pub enum DrawingMethod {
         /// Sines and cosines.
         coefficients: usize,
     },
-    /// Over slices, by a sweep with trees of partial sums: [`EpipolarTraversal`](crate::march::EpipolarTraversal).
+    /// Over slices, by a sweep with partial sums: [`EpipolarTraversal`](crate::march::EpipolarTraversal).
     Epipolar {
         /// Samples of a slice at most.
         samples: usize,

@@ -91,7 +91,7 @@ impl PrefilteredSums {
                     [sums.whole(), batch.fans.whole(), batch.samples.whole(), bound(x, self.samples)];
                 let shown = [bound(y, self.rows), batch.rays.whole(), sums.whole()];
                 let lanes = (fans * channels * (params.harmonics + 1)) as usize;
-                let of = |kernel| Program::new(kernel, Variant::Rays);
+                let of = |kernel| Program::new(kernel, Variant::Lanes);
                 let grid = |lanes| self.gpu.grid(lanes, RAYS);
                 self.gpu.dispatch(of(Kernel::PrefilterSums), &params, &[&summed], grid(lanes));
                 let lanes = (rays * channels) as usize;

@@ -89,7 +89,7 @@ impl Sweeps {
                             Kernel::SweepSpread => samples,
                             _ => items,
                         };
-                    let program = Program::new(kernel, Variant::Rays);
+                    let program = Program::new(kernel, Variant::Lanes);
                     self.gpu.dispatch(program, &params, &[&bindings], self.gpu.grid(lanes as usize, RAYS));
                 }
             }
