@@ -261,9 +261,13 @@ impl Fan {
             return;
         };
         // From one even sample to the next all weights fall by the same part: what those of a block are of its first.
-        let parts: [_; BLOCK] =
-            std::array::from_fn(|k| single(&of(&|sigma, q| (-sigma * q * step * k as f64).exp())));
-        let part = of(&|sigma, q| (-sigma * q * step * BLOCK as f64).exp());
+        let ratio = of(&|sigma, q| (-sigma * q * step).exp());
+        let mut part = [[1.0; 4]; M];
+        let parts: [_; BLOCK] = std::array::from_fn(|_| {
+            let of_sample = single(&part);
+            part = times(&part, &ratio);
+            of_sample
+        });
         let (mut block, mut weights) = (0, between(self.edges.first, self.edges.first + step));
         let mut first = single(&weights);
         for (number, &sample) in self.needed.iter().enumerate() {

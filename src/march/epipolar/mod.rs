@@ -171,8 +171,8 @@ impl EpipolarTraversal {
             }
         }
         match self.basis {
-            Basis::Nearest => self.sampled::<X, 3, 1, NearestTexel>(x, fan, inside.into_iter()),
-            Basis::Bilinear => self.sampled::<X, 3, 4, Bilinear>(x, fan, inside.into_iter()),
+            Basis::Nearest => self.sampled::<X, 1, NearestTexel>(x, fan, inside.into_iter()),
+            Basis::Bilinear => self.sampled::<X, 4, Bilinear>(x, fan, inside.into_iter()),
         }
     }
 
@@ -222,20 +222,19 @@ impl EpipolarTraversal {
 
     /// E S x of the rays of all fans.
     fn of_fans<X: Real>(&self, x: &[[X; 3]]) -> Vec<[X; 4]> {
-        let x: Vec<_> = x.par_iter().map(|&[r, g, b]| [r, g, b, X::zero()]).collect();
         self.fans.gather::<X>(&|fan, samples| {
             let samples = fan.needed().iter().copied().map(usize::from).zip(samples);
             match self.basis {
-                Basis::Nearest => self.sampled::<X, 4, 1, NearestTexel>(&x, fan, samples),
-                Basis::Bilinear => self.sampled::<X, 4, 4, Bilinear>(&x, fan, samples),
+                Basis::Nearest => self.sampled::<X, 1, NearestTexel>(x, fan, samples),
+                Basis::Bilinear => self.sampled::<X, 4, Bilinear>(x, fan, samples),
             }
         })
     }
 
-    /// Adds S x to samples, each with its number; x has K numbers a texel.
-    fn sampled<'s, X: Real, const K: usize, const N: usize, B: TexelBasis<f64, 1, N>>(
+    /// Adds S x to samples, each with its number.
+    fn sampled<'s, X: Real, const N: usize, B: TexelBasis<f64, 1, N>>(
         &self,
-        x: &[[X; K]],
+        x: &[[X; 3]],
         fan: &Fan,
         samples: impl Iterator<Item = (usize, &'s mut [X; 4])>,
     ) {
@@ -244,7 +243,7 @@ impl EpipolarTraversal {
             let piece = cells.at(fan.middle(j));
             for (number, weight) in B::sample(&piece, size).into_iter().enumerate() {
                 let (weight, texel) = (X::of(weight), x[B::texel(piece.cell, number, size)]);
-                (0..K).for_each(|c| sample[c] += weight * texel[c]);
+                (0..3).for_each(|c| sample[c] += weight * texel[c]);
             }
         }
     }
