@@ -24,11 +24,11 @@ pub struct EpipolarSettings {
 
 impl EpipolarSettings {
     /// For rows that exact ones correct. Two slices a pixel, because texels that slices miss and exact rays meet are what corrections
-    /// converge slowly in; and as many samples as slices of a picture in full HD have rays, or some more.
+    /// converge slowly in.
     pub const CORRECTED: Self = Self {
         slices: 2.0,
         density: 1.0,
-        samples: 1536,
+        samples: 8192,
         tolerance: 1e-4,
         between: false,
         spacing: Spacing::Even,
