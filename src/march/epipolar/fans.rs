@@ -11,6 +11,12 @@ use super::slices::{PolarRay, Slices};
 /// Fans from which light is scattered before it is spread over texels: their samples stay in the cache.
 const FANS_AT_ONCE: usize = 128;
 
+/// What arrives at the [needed](Fan::needed) samples of a fan.
+type Arrived<X> = Vec<[X; 4]>;
+
+/// Takes some fans with what arrives at each.
+pub(super) type Visit<'a, X> = &'a mut dyn FnMut(&[Fan], &[Arrived<X>]);
+
 /// Fans of all rays that show anything.
 #[derive(Debug, Clone)]
 pub struct Fans {
@@ -106,15 +112,11 @@ impl Fans {
         shown
     }
 
-    /// Eᵀ y: visits fans, some at a time and in their order, with what arrives at the [needed](Fan::needed) samples of each.
-    pub fn scatter<X: Real>(
-        &self,
-        y: &(dyn Fn(&FanRay) -> [X; 3] + Sync),
-        visit: &mut dyn FnMut(&[Fan], &[Vec<[X; 4]>]),
-    ) {
-        let mut arrived = vec![Vec::new(); FANS_AT_ONCE.min(self.fans.len())];
+    /// Eᵀ y: visits fans, some at a time and in their order, with what arrives at the samples of each.
+    pub(super) fn scatter<X: Real>(&self, y: &(dyn Fn(&FanRay) -> [X; 3] + Sync), visit: Visit<X>) {
+        let mut arrived: Vec<Arrived<X>> = vec![Vec::new(); FANS_AT_ONCE.min(self.fans.len())];
         for fans in self.fans.chunks(FANS_AT_ONCE) {
-            let scatter = |sweep: &mut Sweep<X>, (fan, arrived): (&Fan, &mut Vec<[X; 4]>)| {
+            let scatter = |sweep: &mut Sweep<X>, (fan, arrived): (&Fan, &mut Arrived<X>)| {
                 std::mem::swap(&mut sweep.samples, arrived);
                 sweep.samples(fan.needed().len());
                 fan.scatter(self.of(fan), sweep, y);
@@ -126,7 +128,7 @@ impl Fans {
     }
 
     /// The most samples that [`Self::scatter`] has at a time.
-    pub fn samples_at_once(&self) -> usize {
+    pub(super) fn samples_at_once(&self) -> usize {
         let samples = |fans: &[Fan]| fans.iter().map(|fan| fan.needed().len()).sum();
         self.fans.chunks(FANS_AT_ONCE).map(samples).max().unwrap_or(0)
     }
