@@ -59,7 +59,7 @@ const NEARBY: usize = 12;
 /// Shapes  rows: view rays; elements: texels of the light map
 /// Units   weights: dimensionless a steradian, as those of [`LightMapTraversal`]
 /// Law     [`Traversal::walk`], gathers and scatters are the same matrix to rounding
-/// Cost    a sample three steps and a ray 30 to 100 (`sums.rs`), whatever the map; memory is that of samples and rays, not of non-zeros
+/// Cost    a sample three steps, a ray 30 and one more for 256 samples at most (`sums.rs`); memory is that of samples and rays, not of non-zeros
 #[derive(Debug, Clone)]
 pub struct EpipolarTraversal {
     fans: Arc<Fans>,
